@@ -1,0 +1,66 @@
+"""Strict settings for every test, seeds, and the folder of real data.
+
+``JAX_ENABLE_X64=1`` (the default here) runs everything; ``JAX_ENABLE_X64=0`` runs only what is
+marked ``both_precisions``.  ``CONTOURFAIR_TEST_SEED`` sets the seed of `rng`;
+``CONTOURFAIR_DATA`` says where the real data sets are.
+"""
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("JAX_ENABLE_X64", "1")
+
+import jax
+import numpy as np
+import pytest
+
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("CONTOURFAIR_DATA", ROOT.parent / "shared" / "data"))
+SEED = int(os.environ.get("CONTOURFAIR_TEST_SEED", "0"))
+
+
+def pytest_configure(config):
+    config.addinivalue_line(
+        "markers", "both_precisions: run with x64 on and with x64 off (all others only with it on)"
+    )
+    config.addinivalue_line("markers", "requires_x64: skipped where x64 is off")
+
+
+def pytest_report_header():
+    return [f"x64: {jax.config.jax_enable_x64}, seed: {SEED}, data: {DATA}"]
+
+
+def pytest_collection_modifyitems(config, items):
+    if jax.config.jax_enable_x64:
+        return
+    kept = [item for item in items if item.get_closest_marker("both_precisions")]
+    left = [item for item in items if not item.get_closest_marker("both_precisions")]
+    config.hook.pytest_deselected(items=left)
+    items[:] = kept
+    for item in items:
+        if item.get_closest_marker("requires_x64"):
+            item.add_marker(pytest.mark.skip(reason="needs JAX_ENABLE_X64=1"))
+
+
+@pytest.fixture(scope="session")
+def x64() -> bool:
+    """Whether 64-bit types are on."""
+    return bool(jax.config.jax_enable_x64)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A random generator; a failing test prints the seed that repeats it."""
+    print(f"CONTOURFAIR_TEST_SEED={SEED}")
+    return np.random.default_rng(SEED)
+
+
+@pytest.fixture
+def shared_data() -> Path:
+    """The folder of real data sets; mark tests that use it with ``data``."""
+    if not DATA.is_dir():
+        pytest.skip(f"no real data at {DATA}; set CONTOURFAIR_DATA to the folder that has them")
+    return DATA

@@ -1,0 +1,58 @@
+"""The engine behind the signature of `benchmarks.peers`.
+
+``METHODS`` maps what tables call a method to ``callable(values, spacing, factor) -> refined``;
+``OBJECTS`` maps the same names to the settings objects, for benchmarks that need the field.
+"""
+
+from collections.abc import Callable
+
+import jax
+import numpy as np
+
+import contourfair_jax as cf
+from benchmarks.peers import Array, Method, Spacing
+
+LOCAL, GLOBAL, TUNED = "local", "global", "tuned"
+SMALL_WEIGHT, CLEAN = "global w .003", "global w .001 c 1.5"
+
+
+def use_x64(enabled: bool) -> None:
+    """Choose the precision of this process, before the first computation."""
+    jax.config.update("jax_enable_x64", enabled)
+
+
+def field(values: Array, spacing: Spacing, name: str) -> "cf.BezierField":
+    """Fair ``values`` with the settings that tables call ``name``."""
+    method = cf.tune(values, spacing=spacing) if name == TUNED else OBJECTS[name]()
+    return cf.fair_field(values, spacing=spacing, method=method)
+
+
+def _method(name: str) -> Method:
+    def run(values: Array, spacing: Spacing, factor: int) -> Array:
+        return np.asarray(field(values, spacing, name).refine(factor))
+
+    run.__name__ = name
+    return run
+
+
+def _local() -> "cf.LocalFairing":
+    return cf.LocalFairing(thin_plate_weight=0.01, iterations=3)
+
+
+def _global(weight: float = 0.01, coherence: float = 1.2) -> "cf.GlobalFairing":
+    return cf.GlobalFairing(
+        thin_plate_weight=weight, iterations=3, coherence=coherence, sharpness=2
+    )
+
+
+OBJECTS: dict[str, Callable[[], object]] = {}
+if hasattr(cf, "LocalFairing"):
+    OBJECTS[LOCAL] = _local
+if hasattr(cf, "GlobalFairing"):
+    OBJECTS[GLOBAL] = _global
+    OBJECTS[SMALL_WEIGHT] = lambda: _global(0.003)
+    OBJECTS[CLEAN] = lambda: _global(0.001, 1.5)
+
+METHODS: dict[str, Method] = {name: _method(name) for name in OBJECTS}
+if hasattr(cf, "tune"):
+    METHODS[TUNED] = _method(TUNED)

@@ -1,0 +1,145 @@
+"""PNG images and plain TIFF (one page, or a stack of equal pages as a volume), with Pillow."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageSequence
+
+from ._errors import InputError
+from ._grid import Grid
+from ._limits import check_memory
+from ._missing import mark_missing, numeric
+
+_TIFF_TYPES = ("uint8", "uint16", "int32", "float32")
+
+
+def read(path: Path, key: str | None) -> Grid:
+    """Grey values; colour becomes luminance, fully transparent pixels are missing."""
+    if key is not None:
+        raise InputError(f"is a plain image, so there is no {key!r} to choose")
+    with _opened(path) as image:
+        pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
+        check_memory(image.width * image.height * pages * 8, f"an image of {image.size} pixels")
+        if pages == 1:
+            return _grid(*_grey(image))
+        read_pages = [_grey(page) for page in ImageSequence.Iterator(image)]
+    if len({(samples.shape, samples.dtype) for samples, _, _ in read_pages}) != 1:
+        raise InputError(f"has {pages} pages of different size or type; save them one by one")
+    masks = [np.zeros(s.shape, bool) if mask is None else mask for s, mask, _ in read_pages]
+    notes = (*read_pages[0][2], f"{pages} pages are read as a volume")
+    return _grid(np.stack([samples for samples, _, _ in read_pages]), np.stack(masks), notes)
+
+
+def write_png(path: Path, grid: Grid) -> tuple[str, ...]:
+    """Store 8- or 16-bit grey values, as deep as the source was; missing ones are transparent."""
+    if grid.ndim != 2:
+        raise InputError(f"a PNG holds 2-D data, this is {grid.ndim}-D; use .npz or .tif")
+    stored, notes = _quantised(grid)
+    if grid.missing is None:
+        image = Image.fromarray(stored)
+    elif stored.dtype == np.uint8:
+        alpha = np.where(grid.missing, 0, 255).astype(np.uint8)
+        image = Image.fromarray(np.stack([stored, alpha], axis=-1), mode="LA")
+    else:
+        raise InputError("a 16-bit PNG cannot mark missing samples; use .tif or .npz")
+    image.save(path, format="PNG")
+    return notes + lost_geometry(grid, "a PNG")
+
+
+def write_tiff(path: Path, grid: Grid) -> tuple[str, ...]:
+    """Store a plain TIFF; a volume becomes a stack of pages; missing samples are NaN."""
+    if grid.ndim not in (2, 3):
+        raise InputError(f"a TIFF holds 2-D or 3-D data, this is {grid.ndim}-D; use .npz")
+    if grid.values.dtype.name not in _TIFF_TYPES:
+        known = ", ".join(_TIFF_TYPES)
+        raise InputError(f"a plain TIFF holds {known}, not {grid.values.dtype}; use .npz")
+    values = grid.values
+    if grid.missing is not None:
+        if values.dtype.kind != "f":
+            raise InputError("a plain TIFF cannot mark missing integer samples; use .npz")
+        values = np.where(grid.missing, np.float32("nan"), values)
+    pages = [Image.fromarray(page) for page in values.reshape(-1, *grid.shape[-2:])]
+    pages[0].save(
+        path,
+        format="TIFF",
+        compression="tiff_adobe_deflate",
+        save_all=True,
+        append_images=pages[1:],
+    )
+    return lost_geometry(grid, "a plain TIFF")
+
+
+def lost_geometry(grid: Grid, what: str) -> tuple[str, ...]:
+    """A note where the grid has coordinates that the format cannot keep."""
+    if grid.affine is None and grid.crs is None:
+        return ()
+    return (f"{what} keeps no coordinates: they are left out (.tif and .npz keep them)",)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Image.Image]:
+    with warnings.catch_warnings():
+        # Memory is checked against the machine; the pixel count at which Pillow warns is no limit.
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        try:
+            image = Image.open(path, formats=("PNG", "TIFF"))
+        except Image.UnidentifiedImageError as error:
+            raise InputError("is not a PNG or TIFF image that can be read") from error
+        except Image.DecompressionBombError as error:
+            raise InputError(
+                f"has more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels; convert it to .npy"
+            ) from error
+        with image:
+            yield image
+
+
+def _grey(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
+    """Samples, mask of transparent pixels, notes."""
+    deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
+    if deep or (image.mode in ("L", "1") and "transparency" not in image.info):
+        samples = numeric(np.asarray(image))
+        return samples.astype(np.int16) if _is_int16(image) else samples, None, ()
+    colour = np.asarray(image.convert("RGBA"))
+    transparent = colour[..., 3] == 0
+    red, green, blue = colour[..., 0], colour[..., 1], colour[..., 2]
+    if (red == green).all() and (red == blue).all():
+        return np.ascontiguousarray(red), transparent, ()
+    note = "a colour image: its luminance is used (ITU-R 601)"
+    return np.asarray(image.convert("RGB").convert("L")), transparent, (note,)
+
+
+def _is_int16(image: Image.Image) -> bool:
+    """Whether a TIFF holds signed 16-bit values, which Pillow widens to 32."""
+    tags = getattr(image, "tag_v2", {})
+    return image.mode == "I" and tags.get(258) == (16,) and tags.get(339) == (2,)
+
+
+def _grid(samples: np.ndarray, mask: np.ndarray | None, notes: tuple[str, ...]) -> Grid:
+    values, missing, more = mark_missing(samples, None, mask)
+    return Grid(values, missing=missing, notes=notes + more, source_dtype=samples.dtype)
+
+
+def _quantised(grid: Grid) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Whole grey values; refused where that would lose more than the rounding of an image."""
+    present = grid.values if grid.missing is None else grid.values[~grid.missing]
+    wanted = grid.source_dtype.newbyteorder("=")
+    if wanted not in (np.uint8, np.uint16):
+        whole = bool((present == np.round(present)).all())
+        if not whole or present.min(initial=0) < 0 or present.max(initial=0) > 65535:
+            raise InputError(
+                f"a PNG holds whole grey values 0..65535, the source held {wanted}; "
+                "use .tif, .npy or .npz"
+            )
+        wanted = np.dtype(np.uint8 if present.max(initial=0) <= 255 else np.uint16)
+    top = np.iinfo(wanted).max
+    notes: tuple[str, ...] = ()
+    clipped = int(((present < -0.5) | (present >= top + 0.5)).sum())
+    if grid.values.dtype != wanted and (present != np.round(present)).any():
+        notes += (f"values are rounded to {8 * wanted.itemsize}-bit grey",)
+    if clipped:
+        notes += (f"{clipped} values outside 0..{top} are clipped",)
+    filled = grid.values if grid.missing is None else np.where(grid.missing, 0, grid.values)
+    return np.clip(np.round(filled), 0, top).astype(wanted), notes

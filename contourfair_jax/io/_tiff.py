@@ -1,0 +1,56 @@
+"""``.tif`` files: GeoTIFF where there is something to georeference, plain images otherwise."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from PIL import Image
+
+from . import _image
+from ._errors import MissingPackageError
+from ._grid import Grid
+
+# ModelPixelScale, ModelTiepoint, ModelTransformation, GeoKeyDirectory, GDAL_METADATA, GDAL_NODATA
+_GEO_TAGS = frozenset((33550, 33922, 34264, 34735, 42112, 42113))
+
+
+def read(path: Path, key: str | None) -> Grid:
+    """A band of a GeoTIFF, or a plain image or stack."""
+    kind = _kind(path)
+    if kind == "geo" or (find_spec("rasterio") and (kind == "unknown" or key is not None)):
+        return _geotiff("reading").read(path, key)
+    return _image.read(path, key)
+
+
+def write(path: Path, grid: Grid) -> tuple[str, ...]:
+    """Store a GeoTIFF where the grid has geometry, missing samples or wide types, else an image."""
+    plain = (
+        grid.affine is None
+        and grid.crs is None
+        and grid.missing is None
+        and grid.values.dtype.name in ("uint8", "uint16", "int32", "float32")
+    )
+    if grid.ndim == 3:
+        return _image.write_tiff(path, grid)
+    if plain and not find_spec("rasterio"):
+        return _image.write_tiff(path, grid)
+    return _geotiff("writing").write(path, grid)
+
+
+def _geotiff(doing: str):
+    if not find_spec("rasterio"):
+        raise MissingPackageError(
+            f"{doing} GeoTIFF needs rasterio: pip install 'contourfair-jax[geotiff]'"
+        )
+    from . import _geotiff as module
+
+    return module
+
+
+def _kind(path: Path) -> str:
+    """``geo``, ``plain``, or ``unknown`` where Pillow cannot tell."""
+    try:
+        with Image.open(path, formats=("TIFF",)) as image:
+            tags = set(getattr(image, "tag_v2", ()))
+    except (Image.UnidentifiedImageError, Image.DecompressionBombError):
+        return "unknown"
+    return "geo" if tags & _GEO_TAGS else "plain"

@@ -1,0 +1,11 @@
+"""Smooth fields with fair contours from sampled scalar fields, differentiable, on JAX."""
+
+from ._fair import fair_field as fair_field
+from ._field import BezierField as BezierField
+from ._local import LocalFairing as LocalFairing
+from ._method import AbstractFairing as AbstractFairing
+from ._solve import LU as LU
+from ._solve import AbstractSolver as AbstractSolver
+from ._solve import Cholesky as Cholesky
+
+__version__ = "0.1.0"

@@ -1,0 +1,90 @@
+"""Cubic Bezier nets: evaluation, refinement and bounds; any dimension, axis by axis."""
+
+import functools
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ._basis import bernstein
+
+
+def cubic_bernstein(t: Float[Array, " *batch"], order: int) -> Float[Array, "*batch 4"]:
+    """Derivative of the given order (0, 1, 2) of the four cubic Bernstein polynomials at `t`."""
+    u = 1 - t
+    if order == 0:
+        terms = [u * u * u, 3 * t * u * u, 3 * t * t * u, t * t * t]
+    elif order == 1:
+        terms = [-3 * u * u, 3 * u * (u - 2 * t), 3 * t * (2 * u - t), 3 * t * t]
+    else:
+        terms = [6 * u, 6 * (t - 2 * u), 6 * (u - 2 * t), 6 * t]
+    return jnp.stack(terms, axis=-1)
+
+
+def gather_cells(
+    net: Float[Array, "*net"], cells: Int[Array, "*batch ndim"]
+) -> Float[Array, "..."]:
+    """The 4^d net points of the given cells."""
+
+    def one(cell: Int[Array, " ndim"]) -> Float[Array, "*fours"]:
+        return jax.lax.dynamic_slice(net, list(3 * cell), (4,) * net.ndim)
+
+    for _ in range(cells.ndim - 1):
+        one = jax.vmap(one)
+    return one(cells)
+
+
+def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
+    """All partial derivatives of an order as sorted tuples of axes."""
+    return list(itertools.combinations_with_replacement(range(ndim), order))
+
+
+def jet(
+    points: Float[Array, "*fours"], t: Float[Array, " ndim"], order: int
+) -> list[Float[Array, " derivatives"]]:
+    """Partial derivatives of one cell at local coordinates `t`, orders 0 to `order`.
+
+    All are contractions of the same net points; derivatives are per unit of `t`.
+    """
+    ndim = points.ndim
+    weights = [[cubic_bernstein(t[axis], k) for k in range(order + 1)] for axis in range(ndim)]
+
+    @functools.cache
+    def partial(counts: tuple[int, ...]) -> Array:
+        if not counts:
+            return points
+        axis = len(counts) - 1
+        return jnp.tensordot(
+            weights[axis][counts[-1]], partial(counts[:-1]), axes=1, precision="highest"
+        )
+
+    return [
+        jnp.stack(
+            [partial(tuple(axes.count(k) for k in range(ndim))) for axes in derivatives(n, ndim)]
+        )
+        for n in range(order + 1)
+    ]
+
+
+def refine_axis(net: Float[Array, "..."], axis: int, factor: int) -> Float[Array, "..."]:
+    """Values on the `factor` times finer grid along one axis; samples are copied, not computed."""
+    net = jnp.moveaxis(net, axis, 0)
+    samples, first, second = net[::3], net[1::3], net[2::3]
+    weights = bernstein(3, np.arange(1, factor) / factor)
+    rows = [samples[:-1]]
+    for w in weights:
+        w = [float(x) for x in w]
+        rows.append(w[0] * samples[:-1] + w[1] * first + w[2] * second + w[3] * samples[1:])
+    inner = jnp.stack(rows, axis=1).reshape(-1, *net.shape[1:])
+    return jnp.moveaxis(jnp.concatenate([inner, samples[-1:]]), 0, axis)
+
+
+def cell_extreme(net: Float[Array, "*net"], reduce) -> Float[Array, "*cells"]:
+    """Reduce the 4^d net points of every cell with `jnp.minimum` or `jnp.maximum`."""
+    for axis in range(net.ndim):
+        net = jnp.moveaxis(net, axis, 0)
+        parts = [net[:-1:3], net[1::3], net[2::3], net[3::3]]
+        net = jnp.moveaxis(functools.reduce(reduce, parts), 0, axis)
+    return net

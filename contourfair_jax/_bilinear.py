@@ -1,0 +1,53 @@
+"""Bilinear interpolation, aligned on the samples: what pictures compare with."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+class BilinearField:
+    """The bilinear interpolant of 2-D samples: what contours look like without fairing.
+
+    Parameters
+    ----------
+    samples
+        2-D array.
+    spacing
+        Distance between samples per axis.
+    origin
+        Coordinates of sample (0, 0).
+    """
+
+    def __init__(
+        self,
+        samples: np.ndarray,
+        spacing: Sequence[float] = (1.0, 1.0),
+        origin: Sequence[float] = (0.0, 0.0),
+    ) -> None:
+        self.samples = np.asarray(samples, dtype=np.float64)
+        if self.samples.ndim != 2:
+            raise ValueError(f"samples must be 2-D, got {self.samples.ndim}-D")
+        self.spacing = tuple(spacing)
+        self.origin = tuple(origin)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Samples per axis."""
+        return self.samples.shape
+
+    def refine(self, factor: int) -> np.ndarray:
+        """Values on the grid that is `factor` times finer, ``factor * (n - 1) + 1`` per axis.
+
+        NaN stays within the cells that touch it.
+        """
+        values = self.samples
+        for axis in range(2):
+            n = values.shape[axis]
+            at = np.arange(factor * (n - 1) + 1) / factor
+            cell = np.minimum(at.astype(int), max(n - 2, 0))
+            weight = at - cell
+            weight = weight[:, None] if axis == 0 else weight[None, :]
+            low, high = values.take(cell, axis), values.take(np.minimum(cell + 1, n - 1), axis)
+            mixed = (1 - weight) * low + weight * high
+            values = np.where(weight == 0, low, np.where(weight == 1, high, mixed))
+        return values

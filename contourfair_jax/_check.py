@@ -1,0 +1,158 @@
+"""Trace-time checks of arguments, in one message style: argument, what came, what to do."""
+
+import warnings
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+# The dimensions the method is written for.
+DIMENSIONS = (2, 3)
+
+
+def check_samples(values: object, name: str = "values") -> Array:
+    """Turn `values` into a floating JAX array of rank 2 or 3 with at least 3 samples per axis.
+
+    Integers and booleans become the default float, float16 and bfloat16 become float32, and a
+    float64 array that JAX would narrow (x64 is off) warns.
+
+    Raises
+    ------
+    ValueError
+        For another rank, a short axis, or a dtype that is not real.
+    """
+    array = values if isinstance(values, jax.Array) else np.asarray(values)
+    dtype = np.dtype(array.dtype)
+    if dtype.kind not in "fiub" and not jnp.issubdtype(dtype, jnp.floating):
+        raise ValueError(
+            f"{name} must hold real numbers, got dtype {dtype}; "
+            "convert first, e.g. with values.real or values.astype(float)"
+        )
+    if array.ndim not in DIMENSIONS:
+        raise ValueError(
+            f"{name} must be a 2-D or 3-D array of samples, got shape {array.shape}; "
+            "use jax.vmap for batches and index out singleton axes"
+        )
+    if min(array.shape) < 3:
+        raise ValueError(
+            f"{name} must have at least 3 samples along every axis, got shape {array.shape}; "
+            "crop the field less or use a field of lower dimension"
+        )
+    if dtype == np.float64 and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+        warnings.warn(
+            f"{name} is float64 but JAX computes in float32, so about 9 of 16 digits are lost; "
+            "call jax.config.update('jax_enable_x64', True) first, or pass float32 to say so",
+            UserWarning,
+            stacklevel=3,
+        )
+    return jnp.asarray(array, dtype=_float_dtype(dtype))
+
+
+def _float_dtype(dtype: np.dtype) -> np.dtype:
+    """The dtype to compute in: float32 and float64 are kept (float64 if x64 is on)."""
+    if dtype in (np.float32, np.float64):
+        return jax.dtypes.canonicalize_dtype(dtype)
+    if jnp.issubdtype(dtype, jnp.floating):
+        return np.dtype(np.float32)
+    return jax.dtypes.canonicalize_dtype(np.dtype(float))
+
+
+def check_per_axis(
+    value: object, ndim: int, dtype: np.dtype, name: str, *, positive: bool = False
+) -> Float[Array, " ndim"]:
+    """Broadcast a scalar or a sequence of `ndim` real numbers to an array, shape (ndim,).
+
+    The numbers are checked where they are known: inside `jax.jit` only their count is.
+
+    Raises
+    ------
+    ValueError
+        For a wrong length, numbers that are not finite, or (`positive`) not above zero.
+    """
+    if isinstance(value, Sequence) and any(isinstance(item, jax.core.Tracer) for item in value):
+        value = jnp.stack([jnp.asarray(item, dtype=dtype) for item in value])
+    array = value if isinstance(value, jax.Array) else np.asarray(value)
+    if array.dtype.kind not in "fiu" or array.shape not in ((), (ndim,)):
+        raise ValueError(
+            f"{name} must be one real number or {ndim} of them, one per axis, "
+            f"got {_describe(value)}"
+        )
+    if not isinstance(array, jax.core.Tracer):
+        known = np.asarray(array, dtype=np.float64)
+        if not np.all(np.isfinite(known)) or (positive and np.any(known <= 0)):
+            rule = "finite and above zero" if positive else "finite"
+            raise ValueError(
+                f"{name} must be {rule} along every axis, got {_describe(value)}; "
+                "flip the axis instead of using a negative spacing"
+                if positive
+                else f"{name} must be {rule} along every axis, got {_describe(value)}"
+            )
+    return jnp.broadcast_to(jnp.asarray(array, dtype=dtype), (ndim,))
+
+
+def check_points(points: object, ndim: int, dtype: np.dtype) -> Float[Array, "*batch ndim"]:
+    """Turn `points` into an array of shape (..., ndim) in the field's dtype.
+
+    Raises
+    ------
+    ValueError
+        For a last axis of another length or numbers that are not real.
+    """
+    array = points if isinstance(points, jax.Array) else np.asarray(points)
+    if array.dtype.kind not in "fiu" or array.ndim == 0 or array.shape[-1] != ndim:
+        raise ValueError(
+            f"points must be real with shape (..., {ndim}), coordinates last, got shape "
+            f"{array.shape} and dtype {array.dtype}; stack the coordinates along the last axis"
+        )
+    return jnp.asarray(array, dtype=dtype)
+
+
+def check_choice(value: object, choices: Sequence[str], name: str) -> None:
+    """Raise ValueError unless `value` is one of the strings in `choices`."""
+    if value not in choices:
+        listed = ", ".join(repr(choice) for choice in choices)
+        raise ValueError(f"{name} must be one of {listed}, got {value!r}")
+
+
+def check_count(value: object, least: int, name: str) -> None:
+    """Raise ValueError unless `value` is an integer that is at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name} must be an integer that is at least {least}, got {value!r}")
+
+
+def check_real(
+    value: object,
+    name: str,
+    *,
+    least: float = 0.0,
+    most: float = np.inf,
+    open_below: bool = False,
+) -> None:
+    """Raise ValueError unless `value` is a traced or finite real scalar within its limits."""
+    if isinstance(value, jax.core.Tracer):
+        if value.shape != ():
+            raise ValueError(f"{name} must be a scalar, got shape {value.shape}")
+        return
+    if _is_placeholder(value):
+        return
+    array = np.asarray(value)
+    low = "above" if open_below else "at least"
+    limits = f"{low} {least:g}" + ("" if most == np.inf else f" and at most {most:g}")
+    bad = array.shape != () or array.dtype.kind not in "fiu" or not np.isfinite(array)
+    if bad or array < least or array > most or (open_below and array == least):
+        raise ValueError(f"{name} must be a real number {limits}, got {_describe(value)}")
+
+
+def _is_placeholder(value: object) -> bool:
+    """True for what tree transformations put in the place of a leaf."""
+    return value is None or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array)
+
+
+def _describe(value: object) -> str:
+    """A short text of what came, also for traced values."""
+    if isinstance(value, jax.core.Tracer):
+        return f"an array of shape {value.shape} and dtype {value.dtype}"
+    text = repr(value.tolist() if isinstance(value, np.ndarray | jax.Array) else value)
+    return text if len(text) <= 80 else text[:77] + "..."

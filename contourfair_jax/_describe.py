@@ -1,0 +1,70 @@
+"""Grids in words, for the command line."""
+
+import re
+from collections.abc import Iterator
+from os import PathLike
+
+import numpy as np
+
+from .io import Grid
+
+
+def information(grid: Grid) -> Iterator[tuple[str, str]]:
+    """What ``contourfair info`` shows: names and texts."""
+    yield "shape", f"{_by(grid.shape)} ({', '.join(grid.axes)})"
+    yield "type", grid.source_dtype.name + ("" if grid.source_dtype.isnative else ", byte-swapped")
+    present = grid.values if grid.missing is None else grid.values[~grid.missing]
+    units = f" {grid.units}" if grid.units else ""
+    yield (
+        "range",
+        f"{present.min():g} to {present.max():g}{units}" if present.size else "no samples",
+    )
+    yield "spacing", " x ".join(f"{step:.9g}" for step in grid.spacing)
+    yield from _place(grid)
+    yield "nodata", "none" if grid.nodata is None else f"{grid.nodata:g}"
+    yield "missing", describe_missing(grid)
+    for name in ("title", "description"):
+        if grid.metadata.get(name):
+            yield name, grid.metadata[name]
+
+
+def describe_missing(grid: Grid) -> str:
+    """How many samples are missing, and where: ``3 of 63 (4.8%), within y 0..2, x 4..4``."""
+    box = grid.missing_box()
+    if box is None:
+        return "none"
+    where = ", ".join(
+        f"{name} {first}..{last}" for name, (first, last) in zip(grid.axes, box, strict=True)
+    )
+    share = grid.missing_count / grid.values.size
+    return f"{grid.missing_count} of {grid.values.size} ({share:.1%}), within {where}"
+
+
+def missing_note(grid: Grid) -> str:
+    """What a command says before it fairs data with gaps."""
+    return f"missing samples: {describe_missing(grid)}; they and the cells beside them stay missing"
+
+
+def describe_output(path: str | PathLike[str], grid: Grid) -> str:
+    """One line about a file that was written."""
+    gaps = f", {grid.missing_count / grid.values.size:.1%} missing" if grid.missing_count else ""
+    return f"{path}: {_by(grid.shape)} {grid.values.dtype}{gaps}"
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " x ".join(str(n) for n in shape)
+
+
+def _place(grid: Grid) -> Iterator[tuple[str, str]]:
+    if grid.affine is not None:
+        ends = [np.zeros(grid.ndim), (np.array(grid.shape) - 1) * np.array(grid.spacing)]
+        first, last = (grid.world(end + np.array(grid.origin)) for end in ends)
+        for name, begin, end in zip(grid.axes, first, last, strict=True):
+            yield name, f"{begin:.10g} to {end:.10g} (first to last sample)"
+    yield "crs", "none" if grid.crs is None else crs_title(grid.crs)
+
+
+def crs_title(crs: str) -> str:
+    """The name inside a WKT text, or the text itself where it is a code."""
+    named = re.match(r'\s*\w+\s*\[\s*"([^"]*)"', crs)
+    return named[1] if named else crs

@@ -1,0 +1,83 @@
+"""The front door: check the arguments, choose the control net, return the field."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from . import _check
+from ._field import BezierField
+from ._local import LocalFairing
+from ._method import AbstractFairing
+
+
+def fair_field(
+    values: Float[Array, "*shape"],
+    *,
+    spacing: float | Sequence[float] | Array = 1.0,
+    origin: float | Sequence[float] | Array = 0.0,
+    method: AbstractFairing | None = None,
+) -> BezierField:
+    """Turn samples on a regular grid into a C1 field with fair contours.
+
+    Minimises the variation of the gradient along all level sets at once, over splines that pass
+    through every sample::
+
+        integral tr(H M H),   M = I - (1 - w) n n^T,
+
+    with the Hessian H, the unit normals n of the level sets, and a little thin plate energy w.
+
+    Parameters
+    ----------
+    values : array, shape (n_1, n_2) or (n_1, n_2, n_3)
+        Samples, at least 3 per axis.  float32 and float64 are kept, integers become the default
+        float.  `jax.vmap` gives batches.
+    spacing : float or sequence of ndim floats
+        Distance of samples along each axis; it changes the result where axes differ.
+    origin : float or sequence of ndim floats
+        Physical position of the first sample.
+    method : LocalFairing
+        How to fair; `LocalFairing()` by default.
+
+    Returns
+    -------
+    BezierField
+        Differentiable in values, spacing and the real-valued settings of the method.
+
+    Raises
+    ------
+    ValueError
+        For a wrong rank, short axis or dtype, or a spacing that is not above zero.
+
+    Notes
+    -----
+    NaN in the samples: local fairing leaves NaN in the cells whose samples one step around include
+    it, at most four per axis, and nowhere else.
+
+    References
+    ----------
+    M. Bertram, "Fairing Scalar Fields by Variational Modeling of Contours".
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> import contourfair_jax as cf
+    >>> x = jnp.linspace(-1.0, 1.0, 10)
+    >>> field = cf.fair_field(jnp.hypot(x[:, None], x[None, :]), spacing=2 / 9, origin=-1.0)
+    >>> field.refine(4).shape
+    (37, 37)
+    """
+    values = _check.check_samples(values)
+    spacing = _check.check_per_axis(spacing, values.ndim, values.dtype, "spacing", positive=True)
+    origin = _check.check_per_axis(origin, values.ndim, values.dtype, "origin")
+    if method is None:
+        method = LocalFairing()
+    if not isinstance(method, AbstractFairing):
+        raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
+    return BezierField(_control_points(method, values, spacing), spacing, origin)
+
+
+@eqx.filter_jit
+def _control_points(method: AbstractFairing, values: Array, spacing: Array) -> Array:
+    """One compiled program for each method, shape and dtype."""
+    return method.control_points(values, spacing)

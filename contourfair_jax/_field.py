@@ -1,0 +1,230 @@
+"""The result of fairing: an immutable C1 piecewise cubic field."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import _check
+from ._bezier import cell_extreme, gather_cells, jet, refine_axis
+
+OUTSIDE = ("nan", "clamp", "extend")
+
+
+class BezierField(eqx.Module):
+    """A C1 piecewise bicubic (tricubic) field in Bezier form.
+
+    Sample (i, j) lies at `origin + (i, j) * spacing`; array axis k is coordinate k.  A pytree whose
+    leaves are the three arrays below: fields pass through `jax.jit`, `jax.vmap` and `jax.grad`.
+
+    Parameters
+    ----------
+    control_points : array, shape (3 (n_1 - 1) + 1, ..., 3 (n_d - 1) + 1)
+        The Bezier net; every third point along all axes is a sample.
+    spacing : array, shape (ndim,)
+        Distance of samples along each axis.
+    origin : array, shape (ndim,)
+        Position of the first sample.
+
+    Notes
+    -----
+    Points outside the grid follow the `outside` argument of each call: "nan" gives NaN, "clamp"
+    moves the point to the nearest point of the grid (derivatives are those of the field there),
+    "extend" continues the polynomials of the border cells.  A cell with NaN among its net points is
+    NaN; a point with a NaN coordinate is NaN.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> import contourfair_jax as cf
+    >>> x = jnp.arange(5.0)
+    >>> field = cf.fair_field(x[:, None] + 2 * x[None, :])
+    >>> float(field(jnp.array([1.25, 2.5])).round(4))
+    6.25
+    """
+
+    control_points: Float[Array, "*net"]
+    spacing: Float[Array, " ndim"]
+    origin: Float[Array, " ndim"]
+
+    @property
+    def ndim(self) -> int:
+        """Spatial dimensions, 2 or 3."""
+        return self.control_points.ndim
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Samples along each axis."""
+        return tuple((points - 1) // 3 + 1 for points in self.control_points.shape)
+
+    @property
+    def dtype(self) -> jnp.dtype:
+        """The dtype of the field's values."""
+        return self.control_points.dtype
+
+    @property
+    def samples(self) -> Float[Array, "*shape"]:
+        """The samples the field passes through."""
+        return self.control_points[(slice(None, None, 3),) * self.ndim]
+
+    def __call__(
+        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+    ) -> Float[Array, " *batch"]:
+        """Values at physical coordinates, shape (..., ndim) -> (...).
+
+        Raises
+        ------
+        ValueError
+            For points whose last axis is not `ndim` long, or an unknown `outside`.
+        """
+        return self._derivatives(points, outside, 0)[0][..., 0]
+
+    def gradient(
+        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+    ) -> Float[Array, "*batch ndim"]:
+        """Gradients at physical coordinates, in units of value per length.
+
+        Raises
+        ------
+        ValueError
+            As for a call of the field.
+        """
+        return self._derivatives(points, outside, 1)[1]
+
+    def hessian(
+        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+    ) -> Float[Array, "*batch ndim ndim"]:
+        """Hessians at physical coordinates; on the faces of cells, of the cell above.
+
+        Raises
+        ------
+        ValueError
+            As for a call of the field.
+        """
+        return self.jet(points, outside)[2]
+
+    def jet(
+        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+    ) -> tuple[Array, Array, Array]:
+        """Value (...), gradient (..., ndim) and Hessian (..., ndim, ndim), from one gather.
+
+        Raises
+        ------
+        ValueError
+            As for a call of the field.
+        """
+        value, gradient, second = self._derivatives(points, outside, 2)
+        rows, columns = jnp.triu_indices(self.ndim)
+        place = jnp.zeros((self.ndim, self.ndim), dtype=int)
+        place = place.at[rows, columns].set(jnp.arange(len(rows)))
+        place = jnp.maximum(place, place.T)
+        return value[..., 0], gradient, second[..., place]
+
+    def mean_curvature(
+        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+    ) -> Float[Array, " *batch"]:
+        """Mean curvature of the level set through each point, in units of 1 / length.
+
+        `tr(H P) / ((ndim - 1) |g|)` with `P = I - n n^T`: the curvature of a contour in 2-D, the
+        mean of the principal curvatures of an isosurface in 3-D.  Positive where the level set
+        bends away from the gradient: 1 / r for the field |x|.  Zero where the gradient vanishes.
+
+        Raises
+        ------
+        ValueError
+            As for a call of the field.
+        """
+        _, gradient, hessian = self.jet(points, outside)
+        squared = jnp.sum(gradient * gradient, axis=-1)
+        flat = squared == 0
+        squared = jnp.where(flat, 1, squared)
+        along = jnp.einsum("...a,...ab,...b->...", gradient, hessian, gradient, precision="highest")
+        trace = jnp.trace(hessian, axis1=-2, axis2=-1)
+        curvature = (trace - along / squared) / (jnp.sqrt(squared) * (self.ndim - 1))
+        return jnp.where(flat, 0, curvature)
+
+    def refine(self, factor: int) -> Float[Array, "*fine"]:
+        """Samples on the `factor` times finer grid, factor (n - 1) + 1 per axis.
+
+        Sample i of the field is sample `factor * i` of the result, bit for bit.
+
+        Raises
+        ------
+        ValueError
+            For a factor that is not an integer of at least 1.
+        """
+        _check.check_count(factor, 1, "factor")
+        values = self.control_points
+        for axis in range(self.ndim):
+            values = refine_axis(values, axis, factor)
+        return values
+
+    def bounds(self) -> tuple[Float[Array, "*cells"], Float[Array, "*cells"]]:
+        """Lower and upper bound of the field in every cell, n - 1 cells per axis.
+
+        The smallest and largest net point: a polynomial stays within its Bezier points.
+        """
+        lower = cell_extreme(self.control_points, jnp.minimum)
+        upper = cell_extreme(self.control_points, jnp.maximum)
+        return lower, upper
+
+    def to_bspline(self) -> tuple[tuple[Float[Array, " knots"], ...], Float[Array, "*twice"]]:
+        """The same field as a cubic B-spline with double knots.
+
+        Returns
+        -------
+        knots : tuple of arrays, each of length 2 n + 4
+        coefficients : array, shape (2 n_1, ..., 2 n_d)
+            `scipy.interpolate.NdBSpline(knots, coefficients, 3)` is the field, inside the grid.
+
+        Notes
+        -----
+        Of the Bezier net the points on inner cell faces are dropped: C1 makes them averages of
+        their neighbours (end of section 4.2 of the paper).
+        """
+        knots, coefficients = [], self.control_points
+        for axis, n in enumerate(self.shape):
+            vertices = self.origin[axis] + self.spacing[axis] * jnp.arange(n, dtype=self.dtype)
+            ends = jnp.repeat(vertices[jnp.array([0, -1])], 2)
+            knots.append(jnp.concatenate([ends[:2], jnp.repeat(vertices, 2), ends[2:]]))
+            kept = [k for k in range(3 * n - 2) if k % 3 or k in (0, 3 * n - 3)]
+            coefficients = jnp.take(coefficients, jnp.array(kept), axis=axis)
+        return tuple(knots), coefficients
+
+    def _derivatives(self, points: Array, outside: str, order: int) -> list[Array]:
+        """Partial derivatives of orders 0 to `order` at physical coordinates."""
+        _check.check_choice(outside, OUTSIDE, "outside")
+        points = _check.check_points(points, self.ndim, self.dtype)
+        cells = jnp.array(self.shape, dtype=self.dtype) - 1
+        spacing, origin, cells = (
+            jnp.broadcast_to(x, points.shape) for x in (self.spacing, self.origin, cells)
+        )
+        grid = (points - origin) / spacing
+        inside = jnp.all((grid >= 0) & (grid <= cells), axis=-1, keepdims=True)
+        if outside == "clamp":
+            grid = jnp.clip(grid, 0, cells)
+        cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
+        fours = gather_cells(self.control_points, jnp.nan_to_num(cell).astype(jnp.int32))
+        local = jet
+        for _ in range(points.ndim - 1):
+            local = jax.vmap(local, in_axes=(0, 0, None))
+        results = local(fours, grid - cell, order)
+        scaled = []
+        for n, values in enumerate(results):
+            values = values * _inverse_lengths(self.spacing, n, values.shape)
+            hidden = ~inside if outside == "nan" else jnp.zeros_like(inside)
+            scaled.append(jnp.where(hidden, jnp.nan, values))
+        return scaled
+
+
+def _inverse_lengths(spacing: Float[Array, " ndim"], order: int, shape: tuple) -> Array:
+    """What turns derivatives per cell into derivatives per length, one for each derivative."""
+    inverse = 1 / spacing
+    if order == 0:
+        factors = jnp.ones((1,), spacing.dtype)
+    elif order == 1:
+        factors = inverse
+    else:
+        rows, columns = jnp.triu_indices(len(spacing))
+        factors = inverse[rows] * inverse[columns]
+    return jnp.broadcast_to(factors, shape)

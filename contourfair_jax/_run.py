@@ -1,0 +1,101 @@
+"""What the commands compute: a `Grid` in, samples of its fair field out.
+
+The engine, and with it JAX, is imported when something is computed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .io import Grid, InputError, check_memory, exact_float
+
+if TYPE_CHECKING:
+    from . import BezierField
+    from ._method import AbstractFairing
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The options that all methods share; None means the method's own default."""
+
+    iterations: int | None = None
+    thin_plate_weight: float | None = None
+
+
+def _local(grid: Grid, settings: Settings) -> AbstractFairing:
+    from . import LocalFairing
+
+    default, iterations, weight = LocalFairing(), settings.iterations, settings.thin_plate_weight
+    return LocalFairing(
+        thin_plate_weight=default.thin_plate_weight if weight is None else weight,
+        iterations=default.iterations if iterations is None else iterations,
+    )
+
+
+# A method is chosen by its name; it may look at the samples.
+METHODS: Mapping[str, Callable[[Grid, Settings], AbstractFairing]] = {"local": _local}
+
+
+def check_fairable(grid: Grid, factor: int = 1, ndim: tuple[int, ...] = (2, 3)) -> None:
+    """Refuse, in one line, what cannot be faired or would not fit in memory."""
+    shape = " x ".join(str(n) for n in grid.shape)
+    if grid.ndim not in ndim:
+        wanted = " or ".join(f"{n}-D" for n in ndim)
+        raise InputError(f"the samples are {grid.ndim}-D ({shape}); {wanted} data is needed")
+    for name, n in zip(grid.axes, grid.shape, strict=True):
+        if n < 3:
+            raise InputError(
+                f"axis {name!r} has {n} sample{'s' * (n > 1)} ({shape} in all); "
+                "fairing needs at least 3 along every axis"
+            )
+    if grid.missing is not None and grid.missing.all():
+        raise InputError("every sample is missing, so there is nothing to fair")
+    net = math.prod(3 * (n - 1) + 1 for n in grid.shape)
+    finer = math.prod(factor * (n - 1) + 1 for n in grid.shape)
+    check_memory(8 * (2 * net + 2 * finer), f"fairing {shape} samples and refining by {factor}")
+
+
+def result_dtype(grid: Grid, single: bool) -> np.dtype:
+    """float32 where it holds every sample of the source exactly, else float64."""
+    return np.dtype(np.float32) if single else exact_float(grid.source_dtype)
+
+
+def fair(grid: Grid, method: str, settings: Settings, single: bool = False) -> BezierField:
+    """The fair field of the samples, in field coordinates.
+
+    Computed in float64, or in float32 where `single` asks for it, whatever the process' own
+    setting is.
+
+    Raises
+    ------
+    InputError
+        A setting is out of its range.
+    """
+    import jax
+    import jax.numpy as jnp
+
+    from . import fair_field
+
+    if method not in METHODS:
+        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    with jax.enable_x64(not single):
+        values = jnp.asarray(grid.values.astype(np.float32 if single else np.float64))
+        try:
+            chosen = METHODS[method](grid, settings)
+            field = fair_field(values, spacing=grid.spacing, origin=grid.origin, method=chosen)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        return jax.block_until_ready(field)
+
+
+def refine(field: BezierField, factor: int) -> np.ndarray:
+    """Samples of the field on the grid that is `factor` times finer, in the field's precision."""
+    import jax
+
+    with jax.enable_x64(field.control_points.dtype == np.float64):
+        return np.asarray(field.refine(factor))

@@ -1,0 +1,153 @@
+"""Solvers of the local systems: the only place where small linear algebra is called.
+
+A solver is an object that finds, for a batch of vertices, the fairing coefficients that minimise the
+local energy.  Arrays have the batch last.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._energy import LocalEnergy, pair_blocks
+
+# Steps of the elimination after which the matrix is cut to what is left of it.
+PANEL = 4
+
+
+class AbstractSolver(eqx.Module):
+    """What `LocalFairing(solver=...)` takes: finds the minimum of many local energies."""
+
+    @abc.abstractmethod
+    def __call__(
+        self,
+        energy: LocalEnergy,
+        tensor: dict,
+        samples: Float[Array, "samples batch"],
+    ) -> Float[Array, "fairing batch"]:
+        """Fairing coefficients that minimise the energy with the tensor M given."""
+
+
+class AbstractDirectSolver(AbstractSolver):
+    """Assembles the normal equations and solves them as dense symmetric systems."""
+
+    def __call__(self, energy, tensor, samples):
+        entries, rhs = jax.vmap(energy.normal_equations, in_axes=-1, out_axes=-1)(tensor, samples)
+        n = rhs.shape[0]
+        matrix = jnp.take(entries, _positions(energy.ndim, n), axis=0)
+        return jax.lax.custom_linear_solve(
+            lambda x: jnp.sum(matrix * x[None], axis=1),
+            rhs,
+            lambda _, b: self.solve(matrix, b),
+            symmetric=True,
+        )
+
+    @abc.abstractmethod
+    def solve(
+        self, matrix: Float[Array, "n n batch"], rhs: Float[Array, "n batch"]
+    ) -> Float[Array, "n batch"]:
+        """Solve symmetric positive definite systems."""
+
+
+class LU(AbstractDirectSolver):
+    """The reference: batched `jax.numpy.linalg.solve`.
+
+    It calls LAPACK on the CPU, which JAX 0.10 can deadlock in; see the README.
+    """
+
+    def solve(self, matrix, rhs):
+        return jnp.linalg.solve(jnp.moveaxis(matrix, -1, 0), rhs.T[..., None])[..., 0].T
+
+
+class Cholesky(AbstractDirectSolver):
+    """The default: symmetric elimination without pivots, in plain array operations.
+
+    With the batch last every step is a long vector operation.  No LAPACK, so nothing can hang.
+    """
+
+    def solve(self, matrix, rhs):
+        return eliminate(matrix, rhs)
+
+
+def eliminate(
+    matrix: Float[Array, "n n batch"], rhs: Float[Array, "n batch"]
+) -> Float[Array, "n batch"]:
+    """Solve symmetric positive definite systems without pivots, batch last.
+
+    The right-hand side rides along as the last column.  After `PANEL` steps the finished rows are
+    set aside and the work goes on with what is left of the matrix.  The loops are real loops:
+    unrolled, XLA would fuse the steps and compute every one again for each use.
+    """
+    work = jnp.concatenate([matrix, rhs[:, None]], axis=1)
+    panels = []
+    while work.shape[0] > 0:
+        steps = min(PANEL, work.shape[0])
+        work = jax.lax.fori_loop(0, steps, _eliminate_row, work)
+        panels.append(work[:steps])
+        work = work[steps:, steps:]
+    solution = jnp.zeros_like(rhs[:0])
+    for panel in reversed(panels):
+        steps = panel.shape[0]
+        known = jnp.sum(panel[:, steps:-1] * solution[None], axis=1)
+        solution = jnp.concatenate([_back_substitute(panel, panel[:, -1] - known), solution])
+    return solution
+
+
+def _eliminate_row(k: Array, work: Float[Array, "n n+1 batch"]) -> Float[Array, "n n+1 batch"]:
+    """Subtract multiples of row k from the rows below."""
+    # Taking the factors from column k and not, by symmetry, from row k lets XLA work in place.
+    row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
+    column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
+    pivot = jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
+    below = jnp.arange(work.shape[0])[:, None] > k
+    factors = jnp.where(below, column * (1 / pivot)[None], 0)
+    return work - factors[:, None] * row[None]
+
+
+def _back_substitute(
+    panel: Float[Array, "w m batch"], rhs: Float[Array, "w batch"]
+) -> Float[Array, "w batch"]:
+    """Solve with the upper triangle of the first columns of `panel`."""
+    w = panel.shape[0]
+
+    def step(i: Array, x: Float[Array, "w batch"]) -> Float[Array, "w batch"]:
+        k = w - 1 - i
+        row = jax.lax.dynamic_index_in_dim(panel, k, keepdims=False)[:w]
+        later = jnp.where(jnp.arange(w)[:, None] > k, row * x, 0)
+        value = jax.lax.dynamic_index_in_dim(x, k, keepdims=False) - jnp.sum(later, axis=0)
+        pivot = jax.lax.dynamic_index_in_dim(row, k, keepdims=False)
+        return jax.lax.dynamic_update_index_in_dim(x, value / pivot, k, 0)
+
+    return jax.lax.fori_loop(0, w, step, rhs)
+
+
+def _positions(ndim: int, n: int) -> np.ndarray:
+    """Where entry (i, j) of the matrix stands in the packed entries, shape (n, n)."""
+    rows, columns = (np.concatenate(part) for part in zip(*pair_blocks(ndim), strict=True))
+    positions = np.empty((n, n), dtype=np.int32)
+    positions[rows, columns] = positions[columns, rows] = np.arange(len(rows))
+    return positions
+
+
+def solve_small(
+    ndim: int, entries: Float[Array, " entries"], rhs: Float[Array, "fairing columns"]
+) -> Float[Array, "fairing columns"]:
+    """Solve one system for many right-hand sides."""
+    matrix = entries[_positions(ndim, rhs.shape[0])]
+
+    def solve(_, columns: Array) -> Array:
+        work = jnp.concatenate([matrix, columns], axis=1)
+        return jax.lax.fori_loop(0, matrix.shape[0], _pivot, work)[:, matrix.shape[0] :]
+
+    return jax.lax.custom_linear_solve(lambda x: matrix @ x, rhs, solve, symmetric=True)
+
+
+def _pivot(k: Array, work: Float[Array, "n m"]) -> Float[Array, "n m"]:
+    """One step of Gauss-Jordan elimination."""
+    row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
+    column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
+    row = row / jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
+    return jax.lax.dynamic_update_index_in_dim(work - jnp.outer(column, row), row, k, axis=0)

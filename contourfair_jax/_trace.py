@@ -1,0 +1,91 @@
+"""Levels, and contour lines traced by contourpy on finely refined samples."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from contourpy import contour_generator
+
+from .io import ContourLine, Grid, InputError
+
+MOST_LEVELS = 10_000
+
+
+def even_levels(values: np.ndarray, count: int) -> list[float]:
+    """`count` levels that divide the range of `values` into equal parts; none if it is flat."""
+    if count < 1 or count > MOST_LEVELS:
+        raise InputError(f"count must be 1 to {MOST_LEVELS}, got {count}")
+    lowest, highest = value_range(values)
+    if lowest == highest:
+        return []
+    return np.linspace(lowest, highest, count + 2)[1:-1].tolist()
+
+
+def interval_levels(values: np.ndarray, interval: float) -> list[float]:
+    """The multiples of `interval` strictly inside the range of `values`."""
+    if not (math.isfinite(interval) and interval > 0):
+        raise InputError(f"interval must be positive, got {interval:g}")
+    lowest, highest = value_range(values)
+    if (highest - lowest) / interval > MOST_LEVELS:
+        raise InputError(
+            f"interval {interval:g} makes more than {MOST_LEVELS} levels "
+            f"between {lowest:g} and {highest:g}; use a larger one"
+        )
+    first, last = math.floor(lowest / interval) + 1, math.ceil(highest / interval) - 1
+    return [float(k * interval) for k in range(first, last + 1)]
+
+
+def choose_levels(
+    values: np.ndarray, levels: str | None, interval: float | None, count: int | None
+) -> tuple[list[float], str]:
+    """The levels that the options of the same names ask for (10 by default), and a note."""
+    if sum(option is not None for option in (levels, interval, count)) > 1:
+        raise InputError("give only one of --levels, --interval and --count")
+    if levels is not None:
+        chosen = listed_levels(levels)
+    elif interval is not None:
+        chosen = interval_levels(values, interval)
+    else:
+        chosen = even_levels(values, 10 if count is None else count)
+    lowest, highest = value_range(values)
+    outside = [level for level in chosen if not lowest <= level <= highest]
+    if len(outside) == len(chosen):
+        return chosen, f"no level lies within the samples, which are {lowest:g} to {highest:g}"
+    if outside:
+        return chosen, f"{len(outside)} levels lie outside the samples, {lowest:g} to {highest:g}"
+    return chosen, ""
+
+
+def listed_levels(text: str) -> list[float]:
+    """Numbers separated by commas, sorted, each once."""
+    try:
+        chosen = sorted({float(part) for part in text.split(",")})
+    except ValueError as error:
+        raise InputError(f"levels must be numbers with commas, got {text!r}") from error
+    if not np.isfinite(chosen).all() or len(chosen) > MOST_LEVELS:
+        raise InputError(f"levels must be at most {MOST_LEVELS} finite numbers, got {text[:40]!r}")
+    return chosen
+
+
+def value_range(values: np.ndarray) -> tuple[float, float]:
+    """Smallest and largest sample that is not NaN."""
+    present = values[~np.isnan(values)]
+    if not present.size:
+        raise InputError("every sample is missing")
+    return float(present.min()), float(present.max())
+
+
+def trace(refined: Grid, levels: Sequence[float]) -> list[ContourLine]:
+    """The contour lines of the refined samples, in field coordinates, level by level.
+
+    Lines end at the border and at missing samples.
+    """
+    generator = contour_generator(z=np.ma.masked_invalid(refined.values), line_type="Separate")
+    spacing, origin = np.asarray(refined.spacing), np.asarray(refined.origin)
+    found = []
+    for level in levels:
+        for xy in generator.lines(level):
+            points = np.asarray(xy)[:, ::-1]
+            closed = len(points) > 3 and bool((points[0] == points[-1]).all())
+            found.append(ContourLine(float(level), points * spacing + origin, closed))
+    return found

@@ -1,0 +1,319 @@
+"""The command ``contourfair``.
+
+Options and messages live here; what is computed, traced, drawn and stored is in the modules that
+the commands call.  JAX and Matplotlib are imported by the commands that need them, so that
+``contourfair --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from ._console import Reporter
+from ._describe import describe_output, information, missing_note
+from ._options import (
+    Count,
+    Crop,
+    Input,
+    Interval,
+    Iterations,
+    Key,
+    Levels,
+    Method,
+    Quiet,
+    Single,
+    Weight,
+    examples,
+    output,
+)
+from ._run import Settings, check_fairable, fair, refine, result_dtype
+from ._window import choose_window
+from .io import Grid, InputError, check_writable, read, write, write_geojson, write_svg
+
+app = typer.Typer(
+    name="contourfair",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"contourfair {version('contourfair-jax')}")
+        raise typer.Exit
+
+
+@app.callback(
+    epilog=examples(
+        "contourfair upsample dem.tif -o dem_4x.tif --factor 4",
+        "contourfair contours dem.tif -o lines.geojson --interval 20",
+        "contourfair compare photo.png -o figure.png",
+    )
+)
+def _options_of_all(
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Show the version.", callback=_show_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Smooth fields with fair contours from samples on a grid: they pass through every sample.
+
+    Files: .npy, .npz, .png, and .tif (GeoTIFF with the extra [cyan]geotiff[/]).
+    """
+
+
+@app.command(
+    epilog=examples(
+        "contourfair upsample dem.tif -o dem_4x.tif",
+        "contourfair upsample scan.npz --key data -o scan_2x.npz --factor 2",
+    )
+)
+def upsample(
+    source: Input,
+    target: Annotated[Path, output("File for the finer samples: .npy, .npz, .tif or .png.")],
+    factor: Annotated[int, typer.Option("--factor", "-f", help="How many times finer.")] = 4,
+    method: Method = "local",
+    iterations: Iterations = None,
+    thin_plate_weight: Weight = None,
+    key: Key = None,
+    single: Single = False,
+    quiet: Quiet = False,
+) -> None:
+    """Refine samples on the fair field: every sample is kept, and positions stay right.
+
+    The result has [bold]factor * (n - 1) + 1[/] samples per axis.  Missing samples stay missing.
+    """
+    say = Reporter(quiet)
+    if factor < 1:
+        raise InputError(f"--factor must be 1 or more, got {factor}")
+    grid = _load(source, key, target, say)
+    check_fairable(grid, factor)
+    dtype = result_dtype(grid, single)
+    check_writable(target, replace(grid, values=grid.values.astype(dtype)))
+    _warn_narrowing(grid, single, say)
+    size = " x ".join(str(n) for n in grid.shape)
+    with say.working(f"fairing {size} samples"):
+        settings = Settings(iterations, thin_plate_weight)
+        finer = refine(fair(grid, method, settings, single), factor)
+    result = grid.refined(finer.astype(dtype, copy=False), factor)
+    with say.working(f"writing {target}"):
+        notes = write(target, result)
+    for note in notes:
+        say.note(note)
+    if not quiet:
+        typer.echo(describe_output(target, result))
+
+
+@app.command(
+    epilog=examples(
+        "contourfair contours dem.tif --interval 20 -o lines.geojson",
+        "contourfair contours dem.npz --levels 250,300,350 -o lines.svg",
+        "contourfair contours photo.png --count 8 -o picture.png",
+    )
+)
+def contours(
+    source: Input,
+    target: Annotated[Path, output("File for the lines: .geojson, .svg or .png.")],
+    levels: Levels = None,
+    interval: Interval = None,
+    count: Count = None,
+    factor: Annotated[
+        int | None,
+        typer.Option("--factor", "-f", help="Refinement to trace on; by default by the size."),
+    ] = None,
+    method: Method = "local",
+    iterations: Iterations = None,
+    thin_plate_weight: Weight = None,
+    key: Key = None,
+    single: Single = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw or export fair contours; GeoJSON is in the coordinates of the file.
+
+    Give one of --levels, --interval and --count; by default there are 10 levels.
+    """
+    from ._trace import trace
+    from .plot import contour_figure, drawing_factor, level_colors, save_figure
+
+    say = Reporter(quiet)
+    _check_suffix(target, (".geojson", ".json", ".svg", ".png"))
+    grid = _load(source, key, target, say)
+    check_fairable(grid, factor or 1, ndim=(2,))
+    fine = drawing_factor(grid.shape) if factor is None else factor
+    check_fairable(grid, fine, ndim=(2,))
+    chosen = _levels(grid, levels, interval, count, say)
+    with say.working("fairing and tracing contours"):
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), single)
+        finer = grid.refined(refine(field, fine), fine)
+        lines = trace(finer, chosen)
+    notes: tuple[str, ...] = ()
+    if target.suffix.lower() == ".svg":
+        notes = write_svg(target, lines, grid, level_colors(len(chosen)))
+    elif target.suffix.lower() == ".png":
+        figure = contour_figure(
+            field, chosen, refine=fine, upward=grid.rows_ascend, units=grid.units, title=source.name
+        )
+        save_figure(figure, target)
+    else:
+        notes = write_geojson(target, lines, grid)
+    for note in notes:
+        say.note(note)
+    if not quiet:
+        typer.echo(f"{target}: {len(lines)} contours at {len(chosen)} levels")
+
+
+@app.command(
+    epilog=examples(
+        "contourfair compare dem.tif -o figure.png",
+        "contourfair compare dem.tif -o figure.png --crop 120:180,200:260 --interval 20",
+    )
+)
+def compare(
+    source: Input,
+    target: Annotated[Path, output("Picture to write, a .png.")],
+    levels: Levels = None,
+    interval: Interval = None,
+    count: Count = None,
+    crop: Crop = None,
+    method: Method = "local",
+    iterations: Iterations = None,
+    thin_plate_weight: Weight = None,
+    key: Key = None,
+    single: Single = False,
+    quiet: Quiet = False,
+) -> None:
+    """Show bilinear, thin plate and fair contours of the same samples side by side."""
+    from .plot import BilinearField, compare_figure, save_figure
+
+    say = Reporter(quiet)
+    _check_suffix(target, (".png",))
+    whole = _load(source, key, target, say)
+    check_fairable(whole, ndim=(2,))
+    ranges, note = choose_window(whole, crop)
+    if note:
+        say.note(note)
+    grid = whole.crop(ranges)
+    (top, bottom), (left, right) = ranges
+    shown = f"rows {top}:{bottom}, columns {left}:{right}"
+    check_fairable(grid, ndim=(2,))
+    chosen = _levels(grid, levels, interval, count, say)
+    with say.working("fairing the samples and drawing"):
+        plain = fair(grid, "local", Settings(0, None), single)
+        faired = fair(grid, method, Settings(iterations, thin_plate_weight), single)
+        panels = {
+            "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),
+            "thin plate": plain,
+            "faired": faired,
+        }
+        figure = compare_figure(
+            panels, chosen, upward=grid.rows_ascend, title=f"{source.name}: {shown}"
+        )
+        save_figure(figure, target)
+    if not quiet:
+        typer.echo(f"{target}: {shown}, {len(chosen)} levels")
+
+
+@app.command(epilog=examples("contourfair info dem.tif"))
+def info(source: Input, key: Key = None, quiet: Quiet = False) -> None:
+    """Show what a file holds: size, type, range, spacing, place, missing samples."""
+    grid = read(source, key)
+    say = Reporter(quiet)
+    for note in grid.notes:
+        say.note(note)
+    for name, text in information(grid):
+        typer.echo(f"{name:<12} {text}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; errors are one line on stderr.
+
+    Returns
+    -------
+    int
+        0, or 2 for input that cannot be used, 1 for a fault of the program, 130 if interrupted.
+    """
+    command = typer.main.get_command(app)
+    report = Reporter()
+    try:
+        result = command.main(
+            args=None if arguments is None else list(arguments),
+            prog_name="contourfair",
+            standalone_mode=False,
+        )
+    except InputError as error:
+        report.error(str(error))
+        return 2
+    except _USAGE as error:
+        report.error(f"{error.format_message()} (contourfair --help shows how it is used)")
+        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        report.error("interrupted")
+        return 130
+    except Exception as error:
+        if os.environ.get("CONTOURFAIR_TRACEBACK"):
+            traceback.print_exc()
+        first = (str(error).splitlines() or [""])[0]
+        report.error(
+            f"internal error, {type(error).__name__}: {first} "
+            "(set CONTOURFAIR_TRACEBACK=1 for details)"
+        )
+        return 1
+    return result if isinstance(result, int) else 0
+
+
+# The base of all errors about how a command is called; Typer exports its subclass only.
+_USAGE: Any = typer.BadParameter.__mro__[2]
+
+
+def _load(source: Path, key: str | None, target: Path, say: Reporter) -> Grid:
+    """Read the samples and tell what is to be known about them."""
+    if source.exists() and target.exists() and source.samefile(target):
+        raise InputError(f"{target}: is the input; write to another file")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: there is no folder {target.parent}; make it first")
+    with say.working(f"reading {source}"):
+        grid = read(source, key)
+    for note in grid.notes:
+        say.note(note)
+    if grid.missing is not None:
+        say.note(missing_note(grid))
+    return grid
+
+
+def _warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
+    if single and result_dtype(grid, False) != np.float32:
+        say.note(f"--float32: {grid.source_dtype} samples are rounded to 7 digits")
+
+
+def _check_suffix(target: Path, known: tuple[str, ...]) -> None:
+    if target.suffix.lower() not in known:
+        raise InputError(f"{target}: the name must end in {', '.join(known)}")
+
+
+def _levels(
+    grid: Grid, levels: str | None, interval: float | None, count: int | None, say: Reporter
+) -> list[float]:
+    from ._trace import choose_levels
+
+    chosen, note = choose_levels(grid.values, levels, interval, count)
+    if note:
+        say.note(note)
+    return chosen
+
+
+if __name__ == "__main__":
+    sys.exit(main())

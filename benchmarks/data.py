@@ -52,7 +52,7 @@ def _image(path: Path) -> tuple[Array, None, None]:
 
 
 def _raw(shape: tuple[int, ...], spacing: tuple[float, ...]) -> Callable:
-    def read(path: Path) -> tuple[Array, None, Array]:
+    def read(path: Path) -> tuple[NDArray, None, Array]:
         values = np.fromfile(path, np.uint8).reshape(shape, order="F")
         return values, None, np.asarray(spacing)
 

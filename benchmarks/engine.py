@@ -7,6 +7,7 @@
 from collections.abc import Callable
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 import contourfair_jax as cf
@@ -23,8 +24,9 @@ def use_x64(enabled: bool) -> None:
 
 def field(values: Array, spacing: Spacing, name: str) -> "cf.BezierField":
     """Fair ``values`` with the settings that tables call ``name``."""
-    method = cf.tune(values, spacing=spacing) if name == TUNED else OBJECTS[name]()
-    return cf.fair_field(values, spacing=spacing, method=method)
+    samples = jnp.asarray(values)
+    method = cf.tune(samples, spacing=spacing) if name == TUNED else OBJECTS[name]()
+    return cf.fair_field(samples, spacing=spacing, method=method)
 
 
 def _method(name: str) -> Method:
@@ -45,7 +47,7 @@ def _global(weight: float = 0.01, coherence: float = 1.2) -> "cf.GlobalFairing":
     )
 
 
-OBJECTS: dict[str, Callable[[], object]] = {}
+OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {}
 if hasattr(cf, "LocalFairing"):
     OBJECTS[LOCAL] = _local
 if hasattr(cf, "GlobalFairing"):

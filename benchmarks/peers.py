@@ -6,11 +6,11 @@ the zoom of image libraries shift by half a pixel and are left out for that reas
 """
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import ndimage, sparse
 from scipy.interpolate import RBFInterpolator, make_interp_spline
 from skimage.restoration import inpaint_biharmonic
 
@@ -26,10 +26,12 @@ def refined_axes(shape: Sequence[int], factor: int) -> list[Array]:
 
 
 def _along_axes(values: Array, factor: int, build: Callable[[int, int], Array]) -> Array:
-    """Apply one matrix per axis: refined samples of a tensor-product method."""
+    """Apply one sparse matrix per axis: refined samples of a tensor-product method."""
     for axis, count in enumerate(values.shape):
-        moved = np.tensordot(build(count, factor), values, (1, axis))
-        values = np.moveaxis(moved, 0, axis)
+        first = np.moveaxis(values, axis, 0)
+        # Sparse, so that a NaN meets no zero weights and stays within the support of the kernel.
+        flat = sparse.csr_array(build(count, factor)) @ first.reshape(count, -1)
+        values = np.moveaxis(flat.reshape(-1, *first.shape[1:]), 0, axis)
     return values
 
 
@@ -118,7 +120,7 @@ def interpax_cubic2(values: Array, spacing: Spacing, factor: int) -> Array:
     knots = [np.arange(n, dtype=float) for n in values.shape]
     where = np.meshgrid(*refined_axes(values.shape, factor), indexing="ij")
     flat = [w.ravel() for w in where]
-    evaluate = interpax.interp2d if values.ndim == 2 else interpax.interp3d
+    evaluate: Callable[..., Any] = interpax.interp2d if values.ndim == 2 else interpax.interp3d
     return np.asarray(evaluate(*flat, *knots, values, method="cubic2")).reshape(where[0].shape)
 
 

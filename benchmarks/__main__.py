@@ -1,0 +1,127 @@
+"""Command line of the benchmarks."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.progress import Progress
+
+from benchmarks import (
+    accuracy,
+    cost,
+    engine,
+    holes,
+    machine,
+    memory,
+    protocols,
+    real,
+    report,
+    robustness,
+    table2,
+)
+from benchmarks.report import Result, Track
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """One command: how to run it, how to print it, and its precision."""
+
+    run: Callable[[Track], Result]
+    tables: Callable[[Result], dict[str, str]]
+    x64: bool
+    about: str
+
+
+BENCHMARKS = {
+    "machine": Benchmark(machine.run, machine.tables, False, "Rates of the machine."),
+    "accuracy": Benchmark(accuracy.run, accuracy.tables, True, "Errors on analytic fields."),
+    "real2d": Benchmark(real.run, real.tables, True, "Real 2-D fields, half the samples dropped."),
+    "real3d": Benchmark(
+        partial(real.run, ndim=3), real.tables, True, "Real volumes, half the samples dropped."
+    ),
+    "protocols": Benchmark(protocols.run, protocols.tables, True, "Disks, ridges, normals."),
+    "robustness": Benchmark(
+        robustness.run, robustness.tables, True, "Overshoot, NaN, seams, crossing lines."
+    ),
+    "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled."),
+    "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2."),
+    "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
+    "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),
+}
+
+
+@contextmanager
+def _tracker(quiet: bool) -> Iterator[Track]:
+    with Progress(console=Console(stderr=True), disable=quiet, transient=True) as progress:
+
+        def track(items: Sequence[Any], description: str) -> Iterable[Any]:
+            return progress.track(items, description=description)
+
+        yield track
+
+
+def _command(name: str, benchmark: Benchmark) -> None:
+    def command(quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False) -> None:
+        engine.use_x64(benchmark.x64)
+        with _tracker(quiet) as track:
+            path = report.save(name, benchmark.run(track))
+        if not quiet:
+            stored = report.load(name) or {}
+            for title, table in benchmark.tables(stored).items():
+                Console().print(Markdown(f"**{title}**\n\n{table}"))
+            typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
+
+    app.command(name, help=benchmark.about)(command)
+
+
+for _name, _benchmark in BENCHMARKS.items():
+    _command(_name, _benchmark)
+
+
+@app.command("all")
+def run_all(quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False) -> None:
+    """Run every benchmark, each in a process of its own, then rewrite the tables."""
+    for name in BENCHMARKS:
+        flags = ["--quiet"] if quiet else []
+        subprocess.run([sys.executable, "-m", "benchmarks", name, *flags], check=True)
+    write_tables(README, check=False)
+
+
+def all_tables() -> dict[str, str]:
+    """Every table whose result is stored."""
+    tables: dict[str, str] = {}
+    for name, benchmark in BENCHMARKS.items():
+        result = report.load(name)
+        if result is not None:
+            tables |= benchmark.tables(result)
+    return tables
+
+
+@app.command("tables")
+def write_tables(
+    path: Annotated[Path, typer.Argument(help="Markdown file with the markers.")] = README,
+    check: Annotated[bool, typer.Option(help="Change nothing; fail where out of date.")] = False,
+) -> None:
+    """Rewrite the tables between `<!-- table:NAME -->` and `<!-- end -->` from stored results."""
+    text = path.read_text(encoding="utf-8")
+    fresh = report.replace_tables(text, all_tables())
+    if check and fresh != text:
+        typer.echo(f"{path.name} is out of date: run python -m benchmarks tables", err=True)
+        raise typer.Exit(1)
+    if not check:
+        path.write_text(fresh, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,156 @@
+"""Time against size: compile, build, refine and query apart; engine and peers."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+import contourfair_jax as cf
+from benchmarks import clock, engine, gmt, peers, report
+from benchmarks.report import Result, Track
+
+X64 = False
+SHAPES = ((64, 64), (128, 128), (256, 256), (512, 512), (1024, 1024))
+VOLUMES = ((12, 12, 12), (16, 16, 16), (24, 24, 24), (32, 32, 32), (48, 48, 48))
+QUERIES = 100_000
+PEER_SIZE = 256
+
+
+def waves(shape: tuple[int, ...]) -> np.ndarray:
+    """Rough but smooth samples, float32: a chirp with about four samples per period at most."""
+    axes = [np.linspace(0.0, 1.0, n) for n in shape]
+    radius = np.sqrt(sum(g**2 for g in np.meshgrid(*axes, indexing="ij")))
+    return np.sin(0.25 * np.pi * max(shape) * radius**2).astype(np.float32)
+
+
+def _methods() -> dict[str, Callable[[], Any]]:
+    methods: dict[str, Callable[[], Any]] = {
+        "local, thin plate": lambda: cf.LocalFairing(iterations=0),
+        "local": lambda: cf.LocalFairing(iterations=3),
+    }
+    if engine.GLOBAL in engine.OBJECTS:
+        methods["global"] = engine.OBJECTS[engine.GLOBAL]
+    return methods
+
+
+def measure(shape: tuple[int, ...], make: Callable[[], Any]) -> Result:
+    """Seconds to compile and build, to build, to refine twice, to query values and gradients."""
+    values = jnp.asarray(waves(shape))
+    method = make()
+    generator = np.random.default_rng(0)
+    points = generator.uniform(0.0, 1.0, (QUERIES, len(shape))) * (np.array(shape) - 1)
+    points = jnp.asarray(points, jnp.float32)
+    start = time.perf_counter()
+    build = jax.jit(lambda v: cf.fair_field(v, method=method)).lower(values).compile()
+    compile_s = time.perf_counter() - start
+    built = []
+    seconds = clock.median(lambda: built.append(build(values)) or built[-1], 5, budget=10.0)
+    field = built[-1]
+    evaluate = jax.jit(lambda f, p: f(p))
+    gradient = jax.jit(lambda f, p: f.gradient(p))
+    refine = jax.jit(lambda f: f.refine(2))
+    count = int(np.prod(shape))
+    return {
+        "shape": list(shape),
+        "compile_s": compile_s,
+        "build_s": seconds,
+        "build_us_per_vertex": 1e6 * seconds / count,
+        "refine2_s": clock.median(lambda: refine(field), repeats=5),
+        "query_us_per_point": 1e6 * clock.median(lambda: evaluate(field, points)) / QUERIES,
+        "gradient_us_per_point": 1e6 * clock.median(lambda: gradient(field, points)) / QUERIES,
+    }
+
+
+def sample_gradient(shape: tuple[int, ...], make: Callable[[], Any]) -> float:
+    """Seconds of the gradient of a loss through the fairing, with respect to the samples."""
+    values, method = jnp.asarray(waves(shape)), make()
+
+    def loss(samples: jax.Array) -> jax.Array:
+        return jnp.sum(cf.fair_field(samples, method=method).control_points ** 2)
+
+    gradient = jax.jit(jax.grad(loss))
+    return clock.median(lambda: gradient(values), repeats=3)
+
+
+def _fair_and_refine(values: jax.Array, make: Callable[[], Any]) -> jax.Array:
+    return cf.fair_field(values, method=make()).refine(4)
+
+
+def peer_times() -> list[Result]:
+    """Seconds to build and refine 4x what peers make of 256 x 256, and per queried point."""
+    values = waves((PEER_SIZE, PEER_SIZE)).astype(np.float64)
+    axes = [np.arange(n, dtype=float) for n in values.shape]
+    spline = RectBivariateSpline(*axes, values, s=0)
+    points = np.random.default_rng(0).uniform(0.0, PEER_SIZE - 1, (2, QUERIES))
+    timed: dict[str, Callable[[], Any]] = {
+        "linear": lambda: peers.linear(values, 1.0, 4),
+        "cubic (SciPy)": lambda: peers.cubic(values, 1.0, 4),
+        "quintic (SciPy ndimage)": lambda: peers.quintic(values, 1.0, 4),
+        "interpax cubic2": lambda: peers.interpax_cubic2(values, 1.0, 4),
+        "thin-plate RBF, 30 neighbours": lambda: peers.thin_plate_rbf(values, 1.0, 4),
+    }
+    if gmt.version():
+        timed["GMT surface"] = lambda: gmt.surface(values, 1.0, 4)
+    for name, make in _methods().items():
+        single = jnp.asarray(values, jnp.float32)
+        timed[name] = partial(_fair_and_refine, single, make)
+    rows: list[Result] = [
+        {"method": name, "seconds": clock.median(run, repeats=3, budget=2.0)}
+        for name, run in timed.items()
+    ]
+    query = clock.median(lambda: spline.ev(points[0], points[1]), repeats=3)
+    rows.append({"method": "RectBivariateSpline, query", "us_per_point": 1e6 * query / QUERIES})
+    return rows
+
+
+def run(track: Track = report.silent) -> Result:
+    """All sizes, methods and peers."""
+    jobs = [
+        (shape, name, make)
+        for name, make in _methods().items()
+        for shape in (*SHAPES, *VOLUMES)
+        if name != "local, thin plate" or shape in (SHAPES[2], VOLUMES[2])
+    ]
+    rows = []
+    for shape, name, make in track(jobs, "cost"):
+        rows.append({"method": name, **measure(shape, make)})
+        if shape in (SHAPES[2], VOLUMES[0]):
+            rows[-1]["sample_gradient_s"] = sample_gradient(shape, make)
+    return {"rows": rows, "peers": peer_times()}
+
+
+def tables(result: Result) -> dict[str, str]:
+    """Engine against size, and everybody at one size."""
+    rows = [
+        [
+            r["method"],
+            "×".join(map(str, r["shape"])),
+            f"{r['compile_s']:.1f}",
+            f"{r['build_s']:.3g}",
+            f"{r['build_us_per_vertex']:.2f}",
+            f"{r['query_us_per_point']:.2f}",
+            f"{r['gradient_us_per_point']:.2f}",
+            f"{r['sample_gradient_s']:.3g}" if "sample_gradient_s" in r else None,
+        ]
+        for r in result["rows"]
+    ]
+    header = [
+        "method",
+        "samples",
+        "compile, s",
+        "build, s",
+        "build, µs per sample",
+        "query, µs per point",
+        "with gradient",
+        "gradient in the samples, s",
+    ]
+    others = [[r["method"], f"{r['seconds']:.3g}"] for r in result["peers"] if "seconds" in r]
+    return {
+        "cost": report.table(header, rows),
+        "cost-peers": report.table(["256×256 refined 4×", "seconds"], others),
+    }

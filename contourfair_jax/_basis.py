@@ -77,18 +77,20 @@ def quadrature(order: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def half_axis(order: int) -> np.ndarray:
-    """Even and odd functions and their derivatives at the quadrature points of [1, 2].
+def full_axis(order: int) -> np.ndarray:
+    """Even and odd functions and their derivatives at the quadrature points of both halves.
 
     Returns
     -------
-    array, shape (3, 5, order)
-        Derivative, function, point.  At the mirrored point of [0, 1] the function of parity p has
-        the value times (-1)^(p + derivative).
+    array, shape (3, 2, 5, order)
+        Derivative, half ([1, 2] first), function, point.  The points of [0, 1] are mirrored from
+        [1, 2]: there the function of parity p has the value times (-1)^(p + derivative).
     """
     points, _ = quadrature(order)
     segment = (TO_BEZIER @ FROM_PARITY)[3:]
-    return np.stack([(bernstein_derivative(k, points) @ segment).T for k in range(3)])
+    upper = np.stack([(bernstein_derivative(k, points) @ segment).T for k in range(3)])
+    sign = np.where((ODD + np.arange(3)[:, None]) % 2, -1.0, 1.0)
+    return np.stack([upper, upper * sign[:, :, None]], axis=1)
 
 
 @cache

@@ -10,9 +10,10 @@ the coefficients and every integral is a sum over Gauss points q of M_ab(q) time
 
     E = sum_q sum_ab M_ab(q) sum_c f_ac(q) f_bc(q).
 
-Tables of those constants depend on the spacing only.  They are kept for half of every axis: the
-functions are even or odd about the vertex (`_basis`), so a sum over all points is a sum over the
-half with M folded into its even and odd parts (`_mirror`), one table for each parity block.
+Tables of those constants depend on the spacing only.  The largest, of products of two functions, is
+kept for half of every axis: the functions are even or odd about the vertex (`_basis`), so a sum over
+all points is a sum over the half with M folded into its even and odd parts (`_fold`), one table for
+each parity block.
 
 Functions of one vertex take and return vectors, and are written with slices, sums and products with
 constant matrices only: under `jax.vmap` over a trailing axis they stay products of matrices.
@@ -24,15 +25,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Real
+from jaxtyping import Array, Float
 
-from ._basis import block_of, half_axis, index_set, quadrature
+from ._basis import block_of, full_axis, index_set, quadrature
 
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.
 FLAT = 1e-6
 
-# A vector at every quadrature point of half the axes, for each sign (or parity) of the axes.
-Halves = list[Float[Array, " points"]]
+# A symmetric tensor at the quadrature points, entries a <= b.  Points are ordered by the half of every
+# axis (upper halves first), then by the point within it.
+Tensor = dict[tuple[int, int], Float[Array, " points"]]
 
 
 class LocalEnergy(eqx.Module):
@@ -41,141 +43,109 @@ class LocalEnergy(eqx.Module):
     `spacing` is relative: only its ratios change the minimum.
     """
 
-    gradient_tables: list[Float[Array, "d_points coefficients"]]
-    sample_hessians: list[Float[Array, "pairs_points samples"]]
-    fairing_hessians: list[Float[Array, "fairing pairs_points"]]
-    matrix_tables: list[Float[Array, "entries pairs_points"]]
+    gradient_tables: list[Float[Array, "points coefficients"]]
+    sample_hessians: dict[tuple[int, int], Float[Array, "points samples"]]
+    fairing_hessians: dict[tuple[int, int], Float[Array, "points fairing"]]
+    matrix_tables: list[Float[Array, "entries pairs_half"]]
     weights: Float[Array, " points"]
 
     def __init__(self, spacing: Float[Array, " ndim"], order: int):
         ndim, dtype = spacing.shape[0], spacing.dtype
         # The barrier keeps XLA from folding the products of constants below at compile time.
-        half, scale = jax.lax.optimization_barrier(
-            (jnp.asarray(half_axis(order), dtype), 1 / spacing)
-        )
+        axis, scale = materialise((jnp.asarray(full_axis(order), dtype), 1 / spacing))
         samples, fairing = index_set(ndim, "samples"), index_set(ndim, "fairing")
-        everything = [_functions(half, scale, kind, _axes(ndim, 1)) for kind in (samples, fairing)]
-        hessians = [_functions(half, scale, kind, _axes(ndim, 2)) for kind in (samples, fairing)]
-        blocks = range(2**ndim)
-        rows = [[np.flatnonzero(block_of(s) == b) for b in blocks] for s in (samples, fairing)]
+        first, second = derivatives(1, ndim), derivatives(2, ndim)
+        gradients = [_functions(axis, scale, kind, first) for kind in (samples, fairing)]
         self.gradient_tables = [
-            jnp.concatenate([_stack(everything[k], rows[k][b]) for k in (0, 1)], axis=1)
-            for b in blocks
+            jnp.concatenate([part[axes] for part in gradients], axis=1) for axes in first
         ]
-        self.sample_hessians = [_stack(hessians[0], rows[0][b]) for b in blocks]
-        self.fairing_hessians = [_stack(hessians[1], rows[1][b]).T for b in blocks]
-        self.matrix_tables = [_products(hessians[1], *pairs) for pairs in pair_blocks(ndim)]
+        self.sample_hessians = _functions(axis, scale, samples, second)
+        self.fairing_hessians = _functions(axis, scale, fairing, second)
+        self.matrix_tables = _product_tables(self.fairing_hessians, order**ndim)
         self.weights = jnp.asarray(_product_weights(ndim, order), dtype)
 
     @property
     def ndim(self) -> int:
-        return len(self.matrix_tables).bit_length() - 1
+        """Spatial dimensions."""
+        return len(self.gradient_tables)
 
     def gradients(
-        self, samples: Float[Array, " samples"], fairing: Float[Array, " fairing"]
-    ) -> list[Halves]:
-        """Gradient at every quadrature point: one `Halves` for each axis."""
-        parts = [[None] * len(self.gradient_tables) for _ in range(self.ndim)]
-        coefficients = _split_blocks(samples, fairing, self.ndim)
-        for block, (table, pair) in enumerate(
-            zip(self.gradient_tables, coefficients, strict=True)
-        ):
-            values = jnp.split(table @ jnp.concatenate(pair), self.ndim)
-            for axes, value in zip(_axes(self.ndim, 1), values, strict=True):
-                parts[axes[0]][block ^ _flips(axes, self.ndim)] = value
-        return [_mirror(part) for part in parts]
+        self, coefficients: Float[Array, " coefficients"]
+    ) -> list[Float[Array, " points"]]:
+        """Gradient at every quadrature point, one vector for each axis."""
+        return [_product(table, coefficients) for table in self.gradient_tables]
 
     def normal_equations(
-        self, tensor: dict[tuple[int, int], Halves], samples: Float[Array, " samples"]
+        self, tensor: Tensor, samples: Float[Array, " samples"]
     ) -> tuple[Float[Array, " entries"], Float[Array, " fairing"]]:
         """Matrix and right-hand side of the minimum over the fairing coefficients.
 
         Parameters
         ----------
         tensor
-            M_ab at the quadrature points, times their weights, for a <= b.
+            M_ab at the quadrature points, times their weights.
         samples
             Coefficients of the sample functions.
 
         Returns
         -------
         matrix
-            The entries i <= j, in the order of `pair_blocks`.
+            The entries j <= i, in the order of `pair_blocks`.
         rhs
         """
         ndim = self.ndim
-        folded = {axes: _mirror(values) for axes, values in tensor.items()}
+        folded = {axes: materialise(_fold(tensor[axes], ndim)) for axes in tensor}
         entries = [
-            table @ jnp.concatenate([folded[axes][b ^ _flips(axes, ndim)] for axes in folded])
-            for b, table in enumerate(self.matrix_tables)
+            _product(
+                table,
+                materialise(jnp.concatenate([folded[x][block ^ _flips(x, ndim)] for x in folded])),
+            )
+            for block, table in enumerate(self.matrix_tables)
         ]
-        stress = {axes: _mirror(v) for axes, v in self._stress(tensor, samples).items()}
-        forces = [
-            table @ jnp.concatenate([stress[axes][b ^ _flips(axes, ndim)] for axes in stress])
-            for b, table in enumerate(self.fairing_hessians)
-        ]
-        return jnp.concatenate(entries), -jnp.concatenate(forces)
+        stress = materialise(self._stress(tensor, samples))
+        forces = [_product(table.T, stress[axes]) for axes, table in self.fairing_hessians.items()]
+        return jnp.concatenate(entries), -sum(forces[1:], start=forces[0])
 
-    def hessians(self, samples: Float[Array, " samples"]) -> dict[tuple[int, int], Halves]:
-        """Hessian of the interpolating part at every quadrature point, for a <= b."""
-        ndim = self.ndim
-        parts = {axes: [None] * 2**ndim for axes in _axes(ndim, 2)}
-        for block, (table, (part, _)) in enumerate(
-            zip(self.sample_hessians, _split_blocks(samples, None, ndim), strict=True)
-        ):
-            for axes, value in zip(parts, jnp.split(table @ part, len(parts)), strict=True):
-                parts[axes][block ^ _flips(axes, ndim)] = value
-        return {axes: _mirror(part) for axes, part in parts.items()}
-
-    def _stress(
-        self, tensor: dict[tuple[int, int], Halves], samples: Float[Array, " samples"]
-    ) -> dict[tuple[int, int], Halves]:
+    def _stress(self, tensor: Tensor, samples: Float[Array, " samples"]) -> Tensor:
         """(M H + H M) / 2 of the interpolating part, off-diagonal entries counted twice."""
-        hessian = self.hessians(samples)
+        hessian = {axes: _product(table, samples) for axes, table in self.sample_hessians.items()}
+        hessian = materialise(hessian)
 
-        def product(a: int, c: int) -> Halves:
-            terms = [
-                [m * h for m, h in zip(_entry(tensor, a, b), _entry(hessian, b, c), strict=True)]
-                for b in range(self.ndim)
-            ]
-            return [sum(halves[1:], start=halves[0]) for halves in zip(*terms, strict=True)]
+        def product(a: int, c: int) -> Float[Array, " points"]:
+            terms = [_entry(tensor, a, b) * _entry(hessian, b, c) for b in range(self.ndim)]
+            return sum(terms[1:], start=terms[0])
 
         return {
-            (a, c): product(a, a)
-            if a == c
-            else [x + y for x, y in zip(product(a, c), product(c, a), strict=True)]
-            for a, c in tensor
+            (a, c): product(a, a) if a == c else product(a, c) + product(c, a) for a, c in tensor
         }
 
 
-def plain_tensor(energy: LocalEnergy) -> dict[tuple[int, int], Halves]:
+def plain_tensor(energy: LocalEnergy) -> Tensor:
     """M = I of the thin plate, times the quadrature weights."""
     zero = jnp.zeros_like(energy.weights)
-    return {
-        (a, b): [energy.weights if a == b else zero] * 2**energy.ndim
-        for a, b in _axes(energy.ndim, 2)
-    }
+    return {(a, b): energy.weights if a == b else zero for a, b in energy.sample_hessians}
 
 
 def contour_tensor(
-    energy: LocalEnergy, gradients: list[Halves], thin_plate_weight: Real[Array, ""]
-) -> dict[tuple[int, int], Halves]:
+    energy: LocalEnergy,
+    gradients: list[Float[Array, " points"]],
+    thin_plate_weight: float | Float[Array, ""],
+) -> Tensor:
     """M = I - (1 - w) N with N = g g^T / (|g|^2 + flat^2), times the quadrature weights.
 
     Where the gradient vanishes, N does too and the energy falls back to thin plate; value and
     derivatives are finite there.
     """
-    points = list(zip(*gradients, strict=True))
-    shares = [
-        energy.weights * (1 - thin_plate_weight) / (sum(g * g for g in point) + FLAT**2)
-        for point in points
-    ]
-
-    def entry(a: int, b: int) -> Halves:
-        products = [share * point[a] * point[b] for share, point in zip(shares, points, strict=True)]
-        return [energy.weights - p if a == b else -p for p in products]
-
-    return {(a, b): entry(a, b) for a, b in _axes(energy.ndim, 2)}
+    squares = [g * g for g in gradients]
+    squared = sum(squares[1:], start=squares[0])
+    share = energy.weights * (1 - thin_plate_weight) / (squared + FLAT**2)
+    gradients, share = materialise((gradients, share))
+    return materialise(
+        {
+            (a, b): (energy.weights if a == b else 0) - share * gradients[a] * gradients[b]
+            for a, b in energy.sample_hessians
+        }
+    )
 
 
 def pair_blocks(ndim: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -186,13 +156,26 @@ def pair_blocks(ndim: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(i[together == b], j[together == b]) for b in range(2**ndim)]
 
 
-def _axes(ndim: int, order: int) -> list[tuple[int, ...]]:
-    """The derivatives of an order, as sorted tuples of axes."""
+def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
+    """The partial derivatives of an order, as sorted tuples of axes."""
     return list(itertools.combinations_with_replacement(range(ndim), order))
 
 
+def materialise(tree):
+    """Keep XLA from computing `tree` again inside every use of it.
+
+    XLA on the CPU fuses cheap operations into all their consumers.  Over a batch of vertices that
+    multiplies work and compile time many times over.
+    """
+    return jax.lax.optimization_barrier(tree)
+
+
+def _product(matrix: Array, vector: Array) -> Array:
+    return jnp.matmul(matrix, vector, precision="highest")
+
+
 def _flips(axes: tuple[int, ...], ndim: int) -> int:
-    """The parities that a derivative along `axes` changes, as a block number."""
+    """The parities that derivatives along `axes` change, as a block number."""
     flips = 0
     for axis in axes:
         flips ^= 1 << (ndim - 1 - axis)
@@ -200,77 +183,60 @@ def _flips(axes: tuple[int, ...], ndim: int) -> int:
 
 
 def _functions(
-    half: Float[Array, "3 5 q"],
+    axis: Float[Array, "3 2 5 q"],
     scale: Float[Array, " ndim"],
     indices: np.ndarray,
-    derivatives: list[tuple[int, ...]],
-) -> dict[tuple[int, ...], Float[Array, "n points"]]:
-    """Derivatives of product functions at the points of half the axes, in physical units."""
+    partials: list[tuple[int, ...]],
+) -> dict[tuple[int, ...], Float[Array, "points n"]]:
+    """Derivatives of product functions at the quadrature points, in physical units."""
+    ndim = indices.shape[1]
+    letters = [(chr(ord("a") + k), chr(ord("p") + k)) for k in range(ndim)]
+    formula = ",".join(f"{half}n{point}" for half, point in letters)
+    formula += "->" + "".join(half for half, _ in letters) + "".join(p for _, p in letters) + "n"
     tables = {}
-    for axes in derivatives:
-        table = jnp.ones((len(indices), 1), half.dtype)
-        for axis in range(indices.shape[1]):
-            row = half[axes.count(axis)][indices[:, axis]] * scale[axis] ** axes.count(axis)
-            table = (table[:, :, None] * row[:, None, :]).reshape(len(indices), -1)
-        tables[axes] = table
+    for axes in partials:
+        rows = [
+            axis[axes.count(k)][:, indices[:, k]] * scale[k] ** axes.count(k) for k in range(ndim)
+        ]
+        tables[axes] = jnp.einsum(formula, *rows, precision="highest").reshape(-1, len(indices))
     return tables
 
 
-def _stack(tables: dict, rows: np.ndarray) -> Float[Array, "tables_points n"]:
-    """The chosen functions of several tables, points of all tables down, functions across."""
-    return jnp.concatenate([table[rows] for table in tables.values()], axis=1).T
+def _product_tables(
+    hessians: dict[tuple[int, int], Float[Array, "points n"]], half: int
+) -> list[Float[Array, "entries pairs_half"]]:
+    """sum_c f_ac f_bc of all pairs of functions at the points of the upper halves, for a <= b."""
+    upper = {axes: table[:half].T for axes, table in hessians.items()}
+    ndim = max(hessians)[0] + 1
+
+    def product(a: int, b: int) -> Float[Array, "n n half"]:
+        terms = [_entry(upper, a, c)[:, None] * _entry(upper, b, c)[None] for c in range(ndim)]
+        one = sum(terms[1:], start=terms[0])
+        return one if a == b else one + one.transpose(1, 0, 2)
+
+    products = materialise([product(a, b) for a, b in hessians])
+    every = materialise(jnp.concatenate(products, axis=2).reshape(-1, half * len(products)))
+    n = upper[0, 0].shape[0]
+    return [every[i * n + j] for i, j in pair_blocks(ndim)]
 
 
-def _products(hessians: dict, i: np.ndarray, j: np.ndarray) -> Float[Array, "entries pairs_points"]:
-    """sum_c f_ac f_bc of function pairs (i, j), both orders of a and b, for a <= b."""
-
-    def product(a: int, b: int) -> Array:
-        terms = [
-            _entry(hessians, a, c)[i] * _entry(hessians, b, c)[j]
-            for c in range(max(hessians)[0] + 1)
-        ]
-        return sum(terms[1:], start=terms[0])
-
-    return jnp.concatenate(
-        [product(a, b) if a == b else product(a, b) + product(b, a) for a, b in hessians], axis=1
-    )
-
-
-def _entry(tensor: dict, a: int, b: int):
+def _entry(tensor: dict, a: int, b: int) -> Array:
     """Entry of a symmetric tensor that is stored for a <= b."""
     return tensor[min(a, b), max(a, b)]
 
 
-def _split_blocks(samples: Array, fairing: Array | None, ndim: int) -> list[tuple]:
-    """Cut coefficient vectors into their parity blocks."""
-
-    def cut(vector: Array | None, kind: str) -> list:
-        if vector is None:
-            return [None] * 2**ndim
-        sizes = np.bincount(block_of(index_set(ndim, kind)), minlength=2**ndim)
-        return jnp.split(vector, np.cumsum(sizes)[:-1])
-
-    return list(zip(cut(samples, "samples"), cut(fairing, "fairing"), strict=True))
-
-
-def _mirror(halves: list) -> Halves:
-    """Sums and differences over the two halves of every axis.
-
-    Takes even and odd parts to the values at both halves, and values times weights to the even and
-    odd parts that meet even and odd functions.
-    """
-    if len(halves) == 1:
-        return halves
-    middle = len(halves) // 2
-    plus, minus = _mirror(halves[:middle]), _mirror(halves[middle:])
-    return [p + m for p, m in zip(plus, minus, strict=True)] + [
-        p - m for p, m in zip(plus, minus, strict=True)
-    ]
+def _fold(values: Float[Array, " points"], ndim: int) -> list[Float[Array, " half"]]:
+    """Sums and differences over the halves of every axis: what meets even and odd functions."""
+    parts = [values]
+    for _ in range(ndim):
+        halves = [jnp.split(part, 2) for part in parts]
+        parts = [sign(upper, lower) for upper, lower in halves for sign in (jnp.add, jnp.subtract)]
+    return parts
 
 
 def _product_weights(ndim: int, order: int) -> np.ndarray:
-    """Quadrature weights of the points of half the axes."""
+    """Weights of all quadrature points."""
     weights = np.ones(1)
     for _ in range(ndim):
         weights = np.multiply.outer(weights, quadrature(order)[1]).ravel()
-    return weights
+    return np.tile(weights, 2**ndim)

@@ -126,7 +126,8 @@ class LocalFairing(AbstractFairing):
         given = jnp.asarray(samples_to_parity(ndim), samples.dtype) @ scaled
 
         def improve(fairing: Array, _: None) -> tuple[Array, None]:
-            gradients = jax.vmap(energy.gradients, in_axes=-1, out_axes=-1)(given, fairing)
+            coefficients = jnp.concatenate([given, fairing])
+            gradients = jax.vmap(energy.gradients, in_axes=-1, out_axes=-1)(coefficients)
             tensor = jax.vmap(contour_tensor, in_axes=(None, -1, None), out_axes=-1)(
                 energy, gradients, self.thin_plate_weight
             )

@@ -9,13 +9,15 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax
 import numpy as np
+import optimistix
 from jaxtyping import Array, Float
 
-from ._energy import LocalEnergy, pair_blocks
+from ._energy import LocalEnergy, Tensor, pair_blocks
 
-# Steps of the elimination after which the matrix is cut to what is left of it.
-PANEL = 4
+# How often the elimination cuts the matrix to what is left of it: work against compile time.
+PANELS = 4
 
 
 class AbstractSolver(eqx.Module):
@@ -25,7 +27,7 @@ class AbstractSolver(eqx.Module):
     def __call__(
         self,
         energy: LocalEnergy,
-        tensor: dict,
+        tensor: Tensor,
         samples: Float[Array, "samples batch"],
     ) -> Float[Array, "fairing batch"]:
         """Fairing coefficients that minimise the energy with the tensor M given."""
@@ -72,19 +74,43 @@ class Cholesky(AbstractDirectSolver):
         return eliminate(matrix, rhs)
 
 
+class LeastSquares(AbstractSolver):
+    """The cross-check: the same minimum posed as residuals and solved by optimistix.
+
+    The residuals are `M^(1/2) H` at the quadrature points, whose sum of squares is the energy; a
+    Gauss-Newton step with QR finds their minimum without forming the normal equations.  About 20
+    times slower than `Cholesky`, and like `LU` it calls LAPACK.
+    """
+
+    def __call__(self, energy, tensor, samples):
+        def fit(tensor: Tensor, given: Array) -> Array:
+            root = square_root(tensor, energy)
+
+            def residuals(fairing: Array, _: None) -> Array:
+                return energy.residuals(root, given, fairing)
+
+            start = jnp.zeros(energy.fairing_hessians[0, 0].shape[1], given.dtype)
+            solver = optimistix.GaussNewton(
+                rtol=1e-12, atol=1e-12, linear_solver=lineax.QR()
+            )
+            return optimistix.least_squares(residuals, solver, start, throw=False).value
+
+        return jax.vmap(fit, in_axes=-1, out_axes=-1)(tensor, samples)
+
+
 def eliminate(
     matrix: Float[Array, "n n batch"], rhs: Float[Array, "n batch"]
 ) -> Float[Array, "n batch"]:
     """Solve symmetric positive definite systems without pivots, batch last.
 
-    The right-hand side rides along as the last column.  After `PANEL` steps the finished rows are
-    set aside and the work goes on with what is left of the matrix.  The loops are real loops:
+    The right-hand side rides along as the last column.  From time to time the finished rows
+    are set aside and the work goes on with what is left of the matrix.  The loops are real loops:
     unrolled, XLA would fuse the steps and compute every one again for each use.
     """
     work = jnp.concatenate([matrix, rhs[:, None]], axis=1)
     panels = []
     while work.shape[0] > 0:
-        steps = min(PANEL, work.shape[0])
+        steps = min(-(-rhs.shape[0] // PANELS), work.shape[0])
         work = jax.lax.fori_loop(0, steps, _eliminate_row, work)
         panels.append(work[:steps])
         work = work[steps:, steps:]

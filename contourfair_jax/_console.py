@@ -57,7 +57,8 @@ class Reporter:
         finally:
             timer.cancel()
             timer.join()
-            progress.stop()
+            if progress.live.is_started:
+                progress.stop()
 
     def _show(self, progress: Progress, text: str) -> None:
         if self._console.is_terminal:

@@ -6,7 +6,8 @@ The engine, and with it JAX, is imported when something is computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -65,16 +66,22 @@ def result_dtype(grid: Grid, single: bool) -> np.dtype:
     return np.dtype(np.float32) if single else exact_float(grid.source_dtype)
 
 
-def fair(grid: Grid, method: str, settings: Settings, single: bool = False) -> BezierField:
-    """The fair field of the samples, in field coordinates.
+@contextmanager
+def precision(single: bool) -> Iterator[None]:
+    """Work in float64 here, or in float32 where `single` asks for it, whatever the process does."""
+    import jax
 
-    Computed in float64, or in float32 where `single` asks for it, whatever the process' own
-    setting is.
+    with jax.enable_x64(not single):
+        yield
+
+
+def fair(grid: Grid, method: str, settings: Settings) -> BezierField:
+    """The fair field of the samples, in field coordinates, in the present `precision`.
 
     Raises
     ------
     InputError
-        A setting is out of its range.
+        The method is unknown or a setting is out of its range.
     """
     import jax
     import jax.numpy as jnp
@@ -83,19 +90,10 @@ def fair(grid: Grid, method: str, settings: Settings, single: bool = False) -> B
 
     if method not in METHODS:
         raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    with jax.enable_x64(not single):
-        values = jnp.asarray(grid.values.astype(np.float32 if single else np.float64))
-        try:
-            chosen = METHODS[method](grid, settings)
-            field = fair_field(values, spacing=grid.spacing, origin=grid.origin, method=chosen)
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        return jax.block_until_ready(field)
-
-
-def refine(field: BezierField, factor: int) -> np.ndarray:
-    """Samples of the field on the grid that is `factor` times finer, in the field's precision."""
-    import jax
-
-    with jax.enable_x64(field.control_points.dtype == np.float64):
-        return np.asarray(field.refine(factor))
+    values = jnp.asarray(grid.values, dtype=float)
+    try:
+        chosen = METHODS[method](grid, settings)
+        field = fair_field(values, spacing=grid.spacing, origin=grid.origin, method=chosen)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    return jax.block_until_ready(field)

@@ -4,7 +4,7 @@ import numpy as np
 
 from .io import Grid, InputError
 
-SIZE = 48
+SIZE = 32
 
 
 def choose_window(grid: Grid, crop: str | None) -> tuple[list[tuple[int, int]], str]:

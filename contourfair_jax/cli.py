@@ -12,7 +12,6 @@ import sys
 import traceback
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,7 +35,7 @@ from ._options import (
     examples,
     output,
 )
-from ._run import Settings, check_fairable, fair, refine, result_dtype
+from ._run import Settings, check_fairable, fair, precision, result_dtype
 from ._window import choose_window
 from .io import Grid, InputError, check_writable, read, write, write_geojson, write_svg
 
@@ -51,7 +50,9 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"contourfair {version('contourfair-jax')}")
+        from . import __version__
+
+        typer.echo(f"contourfair {__version__}")
         raise typer.Exit
 
 
@@ -65,9 +66,7 @@ def _show_version(wanted: bool) -> None:
 def _options_of_all(
     show_version: Annotated[
         bool,
-        typer.Option(
-            "--version", help="Show the version.", callback=_show_version, is_eager=True
-        ),
+        typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
     ] = False,
 ) -> None:
     """Smooth fields with fair contours from samples on a grid: they pass through every sample.
@@ -106,9 +105,9 @@ def upsample(
     check_writable(target, replace(grid, values=grid.values.astype(dtype)))
     _warn_narrowing(grid, single, say)
     size = " x ".join(str(n) for n in grid.shape)
-    with say.working(f"fairing {size} samples"):
-        settings = Settings(iterations, thin_plate_weight)
-        finer = refine(fair(grid, method, settings, single), factor)
+    with precision(single), say.working(f"fairing {size} samples"):
+        field = fair(grid, method, Settings(iterations, thin_plate_weight))
+        finer = np.asarray(field.refine(factor))
     result = grid.refined(finer.astype(dtype, copy=False), factor)
     with say.working(f"writing {target}"):
         notes = write(target, result)
@@ -156,20 +155,20 @@ def contours(
     fine = drawing_factor(grid.shape) if factor is None else factor
     check_fairable(grid, fine, ndim=(2,))
     chosen = _levels(grid, levels, interval, count, say)
-    with say.working("fairing and tracing contours"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), single)
-        finer = grid.refined(refine(field, fine), fine)
-        lines = trace(finer, chosen)
     notes: tuple[str, ...] = ()
-    if target.suffix.lower() == ".svg":
-        notes = write_svg(target, lines, grid, level_colors(len(chosen)))
-    elif target.suffix.lower() == ".png":
-        figure = contour_figure(
-            field, chosen, refine=fine, upward=grid.rows_ascend, units=grid.units, title=source.name
-        )
-        save_figure(figure, target)
-    else:
-        notes = write_geojson(target, lines, grid)
+    with precision(single), say.working("fairing and tracing contours"):
+        field = fair(grid, method, Settings(iterations, thin_plate_weight))
+        lines = trace(grid.refined(np.asarray(field.refine(fine)), fine), chosen)
+        if target.suffix.lower() == ".svg":
+            notes = write_svg(target, lines, grid, level_colors(len(chosen)))
+        elif target.suffix.lower() == ".png":
+            up, title = grid.rows_ascend, source.name
+            figure = contour_figure(
+                field, chosen, refine=fine, upward=up, units=grid.units, title=title
+            )
+            save_figure(figure, target)
+        else:
+            notes = write_geojson(target, lines, grid)
     for note in notes:
         say.note(note)
     if not quiet:
@@ -211,9 +210,9 @@ def compare(
     shown = f"rows {top}:{bottom}, columns {left}:{right}"
     check_fairable(grid, ndim=(2,))
     chosen = _levels(grid, levels, interval, count, say)
-    with say.working("fairing the samples and drawing"):
-        plain = fair(grid, "local", Settings(0, None), single)
-        faired = fair(grid, method, Settings(iterations, thin_plate_weight), single)
+    with precision(single), say.working("fairing the samples and drawing"):
+        plain = fair(grid, "local", Settings(iterations=0))
+        faired = fair(grid, method, Settings(iterations, thin_plate_weight))
         panels = {
             "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),
             "thin plate": plain,

@@ -132,7 +132,8 @@ def contour_figure(
     if ax.images:
         bar = figure.colorbar(ax.images[0], ax=ax, shrink=0.8, label=units)
         low, high = ax.images[0].get_clim()
-        bar.add_lines([at for at in levels if low < at < high], [_LINE], 0.8)
+        inside = [at for at in levels if low < at < high]
+        bar.add_lines(inside, [_LINE] * len(inside), 0.8)
     return figure
 
 
@@ -168,7 +169,7 @@ def compare_figure(
     height, width = _extent(first)
     panel = 4.5
     tall = min(max(panel * height / width, 2.0), 9.0)
-    figure = Figure(figsize=(panel * len(fields), tall + 0.7), layout="constrained")
+    figure = Figure(figsize=(panel * len(fields), tall + 0.7), layout="compressed")
     samples = np.ma.masked_invalid(np.asarray(first.refine(1)))
     limits = (float(samples.min()), float(samples.max()))
     for place, (name, field) in enumerate(fields.items(), 1):
@@ -195,7 +196,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], dpi: float = 150) 
     if not os.fspath(path).lower().endswith(".png"):
         raise InputError(f"{path}: pictures are written as .png")
     with replacing(path) as partial:
-        figure.savefig(partial, format="png", dpi=dpi)
+        figure.savefig(partial, format="png", dpi=dpi, bbox_inches="tight")
 
 
 def drawing_factor(shape: Sequence[int]) -> int:
@@ -230,7 +231,7 @@ def _new_axes(field: Refinable) -> Axes:
     height, width = _extent(field)
     scale = 8.0 / max(height, width)
     size = (max(width * scale, 2.0), max(height * scale, 2.0) + 0.4)
-    return Figure(figsize=size, layout="constrained").add_subplot()
+    return Figure(figsize=size, layout="compressed").add_subplot()
 
 
 def _shade(

@@ -4,10 +4,13 @@ Every format is a small module behind `read` and `write`; NumPy and Pillow suffi
 images, GeoTIFF needs the extra ``geotiff``.
 """
 
+from ._atomic import replacing as replacing
 from ._errors import InputError as InputError
 from ._errors import MissingPackageError as MissingPackageError
 from ._example import example as example
 from ._grid import Grid as Grid
+from ._grid import exact_float as exact_float
+from ._limits import check_memory as check_memory
 from ._lines import ContourLine as ContourLine
 from ._lines import write_geojson as write_geojson
 from ._lines import write_svg as write_svg

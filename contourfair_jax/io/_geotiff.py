@@ -18,9 +18,9 @@ from rasterio.transform import Affine
 
 from ._errors import InputError
 from ._geometry import is_skewed
-from ._grid import Grid
+from ._grid import Grid, exact_float
 from ._limits import check_memory
-from ._missing import exact_float, mark_missing, numeric, restore_nodata
+from ._missing import mark_missing, numeric, restore_nodata
 
 _TILE_FROM = 1024
 

@@ -13,6 +13,12 @@ from ._geometry import crop_affine, origin_of, refine_affine, spacing_of
 _NAMES = {1: ("x",), 2: ("y", "x"), 3: ("z", "y", "x")}
 
 
+def exact_float(dtype: np.dtype) -> np.dtype:
+    """The smallest of float32 and float64 that holds every value of `dtype` (64-bit: nearest)."""
+    small = 4 if dtype.kind == "f" else 2
+    return np.dtype(np.float32 if dtype.itemsize <= small else np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Samples of a scalar field on a regular grid, with their geometry.

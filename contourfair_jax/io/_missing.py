@@ -3,7 +3,7 @@
 import numpy as np
 
 from ._errors import InputError
-from ._grid import Grid
+from ._grid import Grid, exact_float
 
 
 def numeric(values: np.ndarray) -> np.ndarray:
@@ -37,12 +37,6 @@ def check_dtype(dtype: np.dtype) -> None:
         raise InputError("holds complex numbers; save the magnitude or one part")
     if dtype.kind not in "biuf":
         raise InputError(f"holds {dtype} values; real numbers are needed")
-
-
-def exact_float(dtype: np.dtype) -> np.dtype:
-    """The smallest of float32 and float64 that holds every value of `dtype` (64-bit: nearest)."""
-    small = 4 if dtype.kind == "f" else 2
-    return np.dtype(np.float32 if dtype.itemsize <= small else np.float64)
 
 
 def mark_missing(

@@ -1,0 +1,524 @@
+"""The command line, run in this process through `main`; a few runs in a process of their own."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import rasterio
+from PIL import Image
+from rasterio.transform import Affine
+
+import contourfair_jax as cf
+from contourfair_jax import _run, cli, plot
+from contourfair_jax._console import Reporter
+from contourfair_jax._trace import (
+    choose_levels,
+    even_levels,
+    interval_levels,
+    listed_levels,
+    trace,
+)
+from contourfair_jax._window import busiest_window
+from contourfair_jax.io import Grid, InputError, read, write
+
+# One shape for most tests, so that the engine is compiled once.
+SHAPE = (9, 11)
+NORTH_UP = np.array([[-30.0, 0.0, 5e6], [0.0, 20.0, 4e5], [0.0, 0.0, 1.0]])
+
+
+def hill(dtype="float64", shape=SHAPE) -> np.ndarray:
+    rows, columns = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    return np.round(200 * np.exp(-2 * (rows**2 + (columns - 0.2) ** 2))).astype(dtype)
+
+
+@pytest.fixture
+def dem(tmp_path):
+    """A GeoTIFF without gaps."""
+    path = tmp_path / "dem.tif"
+    write(path, Grid(hill("int16"), affine=NORTH_UP, crs="EPSG:32633", units="m"))
+    return path
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command line: exit code, stdout, stderr."""
+
+    def call(*arguments) -> tuple[int, str, str]:
+        code = cli.main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+# ---- upsample ------------------------------------------------------------------------------
+
+
+def test_upsample_geotiff_keeps_samples_place_and_crs(run, dem, tmp_path):
+    target = tmp_path / "fine.tif"
+    code, out, err = run("upsample", dem, "-o", target, "--factor", 3)
+    assert (code, out) == (0, f"{target}: 25 x 31 float32\n")
+    assert "note" not in err
+    fine = read(target)
+    np.testing.assert_array_equal(fine.values[::3, ::3], hill("float32"))
+    field = cf.fair_field(hill(), spacing=(30.0, 20.0))
+    np.testing.assert_allclose(fine.values, field.refine(3), rtol=2e-7)
+    with rasterio.open(dem) as old, rasterio.open(target) as new:
+        assert new.crs == old.crs
+        assert new.res == (old.res[0] / 3, old.res[1] / 3)
+        for row, column in ((0, 0), (4, 7), (8, 10)):
+            assert new.xy(3 * row, 3 * column) == pytest.approx(old.xy(row, column), abs=1e-9)
+
+
+def test_upsample_takes_the_methods_settings(run, tmp_path):
+    np.save(tmp_path / "in.npy", hill())
+    options = ("--iterations", 0, "--thin-plate-weight", 0.5, "--method", "local")
+    assert run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", *options)[0] == 0
+    method = cf.LocalFairing(thin_plate_weight=0.5, iterations=0)
+    expected = cf.fair_field(hill(), method=method).refine(4)
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), expected)
+
+
+@pytest.mark.both_precisions
+def test_float64_whatever_the_process_does_and_float32_on_request(run, tmp_path):
+    values = hill() + 1e-12
+    np.save(tmp_path / "in.npy", values)
+    run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy")
+    wide = np.load(tmp_path / "out.npy")
+    assert wide.dtype == np.float64
+    np.testing.assert_array_equal(wide[::4, ::4], values)
+    _, _, err = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "--float32")
+    narrow = np.load(tmp_path / "out.npy")
+    assert narrow.dtype == np.float32
+    np.testing.assert_allclose(narrow, wide, atol=2e-3)
+    assert "float64 samples are rounded to 7 digits" in err
+
+
+@pytest.mark.slow
+def test_upsample_a_volume(run, tmp_path):
+    values = hill(shape=(3, 4))[..., None] + np.arange(5.0)
+    np.savez(tmp_path / "in.npz", data=values, spacing=[1.0, 2.0, 3.0])
+    code, out, _ = run("upsample", tmp_path / "in.npz", "-o", tmp_path / "out.npz", "-f", 2)
+    assert (code, out.split(": ")[1]) == (0, "5 x 7 x 9 float64\n")
+    fine = read(tmp_path / "out.npz")
+    np.testing.assert_array_equal(fine.values[::2, ::2, ::2], values)
+    assert fine.spacing == (0.5, 1.0, 1.5)
+
+
+def test_upsample_an_image(run, tmp_path):
+    Image.fromarray(hill("uint8")).save(tmp_path / "in.png")
+    code, _, err = run("upsample", tmp_path / "in.png", "-o", tmp_path / "out.png")
+    assert code == 0
+    assert "note: values are rounded to 8-bit grey" in err
+    np.testing.assert_array_equal(read(tmp_path / "out.png").values[::4, ::4], hill("uint8"))
+
+
+def test_missing_samples_are_told_and_stay_missing(run, tmp_path):
+    values = hill("int16")
+    values[3:5, 6] = -99
+    profile = {"dtype": "int16", "nodata": -99, "transform": Affine(20, 0, 4e5, 0, -30, 5e6)}
+    with rasterio.open(tmp_path / "in.tif", "w", "GTiff", 11, 9, 1, "EPSG:32633", **profile) as dst:
+        dst.write(values, 1)
+    code, out, err = run("upsample", tmp_path / "in.tif", "-o", tmp_path / "out.tif")
+    assert code == 0
+    assert "missing samples: 2 of 99 (2.0%), within y 3..4, x 6..6" in err
+    assert "missing" in out
+    fine = read(tmp_path / "out.tif")
+    assert fine.nodata == -99
+    field = cf.fair_field(read(tmp_path / "in.tif").values.astype(float), spacing=(30.0, 20.0))
+    np.testing.assert_array_equal(fine.missing, np.isnan(np.asarray(field.refine(4))))
+    # Far from the gap nothing changes, and every real sample is still there.
+    clean = np.asarray(cf.fair_field(hill(), spacing=(30.0, 20.0)).refine(4))
+    np.testing.assert_allclose(fine.values[:, :12], clean[:, :12], rtol=2e-7)
+    kept = values != -99
+    np.testing.assert_array_equal(fine.values[::4, ::4][kept], values[kept])
+
+
+# ---- contours ------------------------------------------------------------------------------
+
+
+def test_contours_as_geojson_lie_on_the_level_in_world_coordinates(run, dem, tmp_path):
+    target = tmp_path / "lines.geojson"
+    code, out, err = run("contours", dem, "-o", target, "--levels", "50,100", "--factor", 8)
+    assert code == 0
+    stored = json.loads(target.read_text())
+    assert {feature["properties"]["level"] for feature in stored["features"]} == {50.0, 100.0}
+    assert out == f"{target}: {len(stored['features'])} contours at 2 levels\n"
+    assert stored["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::32633"
+    assert "crs member" in err
+    field = cf.fair_field(hill(), spacing=(30.0, 20.0))
+    for feature in stored["features"]:
+        x, y = np.array(feature["geometry"]["coordinates"]).T
+        points = np.stack([5e6 - y, x - 4e5], axis=-1)
+        np.testing.assert_allclose(field(points, "clamp"), feature["properties"]["level"], atol=1)
+
+
+def test_contours_as_svg(run, dem, tmp_path):
+    code, _, _ = run("contours", dem, "-o", tmp_path / "lines.svg", "--interval", 40)
+    text = (tmp_path / "lines.svg").read_text()
+    assert code == 0
+    assert re.findall(r'data-level="(\d+)"', text) == ["40", "80", "120", "160"]
+
+
+def test_contours_as_a_picture(run, dem, tmp_path):
+    code, _, _ = run("contours", dem, "-o", tmp_path / "lines.png", "--count", 3, "--factor", 4)
+    assert code == 0
+    with Image.open(tmp_path / "lines.png") as image:
+        assert min(image.size) > 400
+        assert len(np.unique(np.asarray(image.convert("L")))) > 50
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--levels", "500,600"), "note: no level lies within the samples, which are"),
+        (("--levels", "100,600"), "note: 1 levels lie outside the samples"),
+    ],
+)
+def test_levels_outside_the_range_are_told(run, dem, tmp_path, options, said):
+    code, _, err = run("contours", dem, "-o", tmp_path / "lines.svg", "--factor", 4, *options)
+    assert code == 0
+    assert said in err
+
+
+def test_a_constant_field_has_no_contours(run, tmp_path):
+    np.save(tmp_path / "in.npy", np.full(SHAPE, 7.0))
+    for suffix in ("svg", "geojson", "png"):
+        target = tmp_path / f"lines.{suffix}"
+        code, out, err = run("contours", tmp_path / "in.npy", "-o", target, "--factor", 4)
+        assert (code, out) == (0, f"{target}: 0 contours at 0 levels\n")
+        assert "no level lies within the samples, which are 7 to 7" in err
+
+
+def test_levels():
+    values = np.array([[0.0, 10.0], [np.nan, 5.0]])
+    assert even_levels(values, 4) == [2.0, 4.0, 6.0, 8.0]
+    assert interval_levels(values, 2.5) == [2.5, 5.0, 7.5]
+    assert interval_levels(values - 5, 5.0) == [0.0]
+    assert listed_levels("3, 1,2,1") == [1.0, 2.0, 3.0]
+    assert even_levels(np.ones((2, 2)), 4) == []
+    assert len(choose_levels(values, None, None, None)[0]) == 10
+
+
+def test_traced_lines_are_closed_or_end_at_the_border_or_a_gap():
+    values = hill(shape=(40, 50))
+    lines = trace(Grid(values, spacing=(2.0, 3.0), origin=(1.0, 5.0)), [150.0])
+    assert [line.closed for line in lines] == [True]
+    centre = lines[0].points.mean(axis=0)
+    assert centre == pytest.approx([1 + 2 * 19.5, 5 + 3 * 0.6 * 49], abs=1.5)
+    values[:, 25] = np.nan
+    assert not any(line.closed for line in trace(Grid(values), [150.0]))
+
+
+# ---- compare and pictures ------------------------------------------------------------------
+
+
+def test_compare_draws_three_panels(run, dem, tmp_path):
+    code, out, _ = run("compare", dem, "-o", tmp_path / "figure.png")
+    assert (code, out) == (0, f"{tmp_path / 'figure.png'}: rows 0:9, columns 0:11, 10 levels\n")
+    with Image.open(tmp_path / "figure.png") as image:
+        assert image.width > 2 * image.height
+
+
+def test_compare_shows_a_part(run, tmp_path):
+    values = np.zeros((60, 70))
+    values[20:29, 30:41] = hill()
+    np.save(tmp_path / "in.npy", values)
+    target = tmp_path / "figure.png"
+    options = ("--crop", "20:29,30:41", "--levels", "50")
+    code, out, _ = run("compare", tmp_path / "in.npy", "-o", target, *options)
+    assert (code, out) == (0, f"{target}: rows 20:29, columns 30:41, 1 levels\n")
+    assert busiest_window(values, 16)[0][0] in range(8, 28)
+    assert busiest_window(values, 100) == [(0, 60), (0, 70)]
+    values[:, 35] = np.nan
+    (_, _), (left, right) = busiest_window(values, 16)
+    assert right - left == 16
+
+
+def test_bilinear_is_aligned_on_the_samples_and_linear_between():
+    samples = np.array([[0.0, 2.0, np.nan], [4.0, 10.0, 1.0]])
+    fine = plot.BilinearField(samples).refine(2)
+    assert fine.shape == (3, 5)
+    np.testing.assert_array_equal(fine[::2, ::2], samples)
+    assert fine[1, 1] == 4.0
+    assert np.isnan(fine[0, 3])
+    assert fine[2, 3] == 5.5
+    with pytest.raises(ValueError, match="samples must be 2-D, got 3-D"):
+        plot.BilinearField(np.zeros((2, 2, 2)))
+
+
+def test_plot_contours_draws_what_it_is_given():
+    field = plot.BilinearField(hill(), spacing=(30.0, 20.0), origin=(100.0, 50.0))
+    ax = plot.plot_contours(field, [50.0, 100.0, 999.0], refine=4, title="hill")
+    assert ax.get_xlim() == (50.0, 250.0)
+    assert ax.get_ylim() == (340.0, 100.0)
+    (lines,) = ax.collections
+    assert list(lines.levels) == [50.0, 100.0]
+    upward = plot.plot_contours(field, [], upward=True, shade=False, refine=4)
+    assert upward.get_ylim() == (100.0, 340.0)
+    assert not upward.images
+    assert not upward.collections
+
+
+def test_plots_refuse_what_cannot_be_drawn(tmp_path):
+    volume = cf.BezierField(jnp.zeros((7, 7, 7)), jnp.ones(3), jnp.zeros(3))
+    with pytest.raises(ValueError, match="field must be 2-D to be drawn, got 3-D"):
+        plot.plot_contours(volume, [0.0])
+    with pytest.raises(ValueError, match="fields must hold at least one"):
+        plot.compare_figure({}, [0.0])
+    figure = plot.compare_figure({"a": plot.BilinearField(hill())}, [50.0])
+    with pytest.raises(InputError, match=r"pictures are written as \.png"):
+        plot.save_figure(figure, tmp_path / "a.pdf")
+
+
+def test_nothing_of_pyplot_is_touched(run, dem, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)
+    run("compare", dem, "-o", tmp_path / "figure.png")
+    assert "matplotlib.pyplot" not in sys.modules
+
+
+# ---- info ----------------------------------------------------------------------------------
+
+
+def test_info(run, dem):
+    code, out, err = run("info", dem)
+    assert (code, err) == (0, "")
+    shown = {line[:12].strip(): line[13:] for line in out.splitlines()}
+    assert shown["shape"] == "9 x 11 (y, x)"
+    assert shown["type"] == "int16"
+    assert shown["range"].endswith(" m")
+    assert shown["spacing"] == "30 x 20"
+    assert shown["y"] == "5000000 to 4999760 (first to last sample)"
+    assert shown["crs"] == "WGS 84 / UTM zone 33N"
+    assert shown["missing"] == "none"
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("elev_luxembourg.tif", "3942 of 8550 (46.1%), within y 0..89, x 0..94"),
+        ("all-nodata.tif", "175725 of 175725 (100.0%), within y 0..2474, x 0..70"),
+        ("jacksboro_bigendian_fortran.npy", "int16, byte-swapped"),
+        ("olinda_dem_utm25s.tif", "UTM Zone 25, Southern Hemisphere"),
+        ("camera.png", "512 x 512 (y, x)"),
+        ("cell.png", "0 to 255"),
+    ],
+)
+def test_info_on_real_files(run, shared_data, name, said):
+    code, out, _ = run("info", shared_data / name)
+    assert code == 0
+    assert said in out
+
+
+@pytest.mark.data
+def test_upsample_a_real_raster_with_nodata(run, shared_data, tmp_path):
+    source = shared_data / "float_raster_with_nodata.tif"
+    code, _, err = run("upsample", source, "-o", tmp_path / "out.tif", "--factor", 2)
+    assert code == 0
+    assert "missing samples: 58 of 156 (37.2%), within y 1..11, x 4..12" in err
+    old, new = read(source), read(tmp_path / "out.tif")
+    assert new.nodata == old.nodata
+    np.testing.assert_array_equal(new.values[::2, ::2], old.values)
+    assert np.nanmin(new.values) > -0.2  # nothing of -3.4e38 leaked into the samples
+    assert np.nanmax(new.values) < 0.5
+
+
+# ---- errors --------------------------------------------------------------------------------
+
+
+def one_line(err: str) -> str:
+    lines = err.strip().splitlines()
+    assert len(lines) == 1, err
+    assert lines[0].startswith("contourfair: ")
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("array", "said"),
+    [
+        (hill()[0], r"the samples are 1-D (11); 2-D or 3-D data is needed"),
+        (np.zeros((3, 3, 3, 3)), r"the samples are 4-D (3 x 3 x 3 x 3)"),
+        (hill()[:1], "axis 'y' has 1 sample (1 x 11 in all); fairing needs at least 3"),
+        (hill()[:, :2], "axis 'x' has 2 samples (9 x 2 in all)"),
+        (np.full(SHAPE, np.nan), "every sample is missing, so there is nothing to fair"),
+        (hill("complex128"), "in.npy: holds complex numbers"),
+        (np.zeros((0, 4)), "in.npy: holds an empty array"),
+    ],
+)
+def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
+    np.save(tmp_path / "in.npy", array)
+    code, out, err = run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "-q")
+    assert (code, out) == (2, "")
+    assert said in one_line(err)
+    assert not (tmp_path / "out.npy").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("upsample", "in.npy"), "Missing option '--output' / '-o'"),
+        (("upsample", "none.npy", "-o", "out.npy"), "none.npy: there is no such file"),
+        (("upsample", "in.npy", "-o", "in.npy"), "in.npy: is the input; write to another file"),
+        (("upsample", "in.npy", "-o", "folder.npy"), "folder.npy: is a folder"),
+        (("upsample", "in.npy", "-o", "no/out.npy"), "there is no folder no"),
+        (("upsample", "in.npy", "-o", "out.xyz"), "files of this name are not written"),
+        (("upsample", "in.npy", "-o", "out.png"), "a PNG holds whole grey values"),
+        (("upsample", "in.npy", "-o", "out.npy", "-f", "0"), "--factor must be 1 or more, got 0"),
+        (("upsample", "in.npy", "-o", "out.npy", "-f", "two"), "Invalid value for '--factor'"),
+        (("upsample", "in.npy", "-o", "out.npy", "-f", "9999999"), "this machine has"),
+        (("upsample", "in.npy", "-o", "out.npy", "-m", "best"), "method must be one of local"),
+        (("upsample", "in.npy", "-o", "out.npy", "--iterations", "-1"), "iterations must be"),
+        (("upsample", "in.npy", "-o", "out.npy", "--thin-plate-weight", "2"), "thin_plate_weight"),
+        (("upsample", "in.npy", "-o", "out.npy", "-k", "z"), "there is no 'z' to choose"),
+        (("contours", "in.npy", "-o", "out.dxf"), "the name must end in .geojson"),
+        (("contours", "in.npy", "-o", "o.svg", "--levels", "1,x"), "levels must be numbers"),
+        (("contours", "in.npy", "-o", "o.svg", "--levels", "nan"), "finite numbers"),
+        (("contours", "in.npy", "-o", "o.svg", "--count", "0"), "count must be 1 to"),
+        (("contours", "in.npy", "-o", "o.svg", "--interval", "0"), "interval must be positive"),
+        (("contours", "in.npy", "-o", "o.svg", "--interval", "1e-9"), "makes more than 10000"),
+        (
+            ("contours", "in.npy", "-o", "o.svg", "--count", "3", "--interval", "2"),
+            "give only one of --levels, --interval and --count",
+        ),
+        (("contours", "volume.npy", "-o", "o.svg"), "the samples are 3-D (3 x 3 x 3); 2-D data"),
+        (("compare", "in.npy", "-o", "figure.pdf"), "the name must end in .png"),
+        (("compare", "in.npy", "-o", "f.png", "--crop", "1:5"), "crop must look like"),
+        (("compare", "in.npy", "-o", "f.png", "--crop", "1:50,1:9"), "1:50 is not within 0:9"),
+        (("compare", "in.npy", "-o", "f.png", "--crop", "1:3,1:9"), "axis 'y' has 2 samples"),
+        (("info", "text.npy"), "text.npy: is not a .npy array"),
+        (("nonsense",), "No such command 'nonsense'"),
+        (("info", "in.npy", "--nonsense"), "No such option: --nonsense"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_bad_calls_end_in_one_line_and_code_2(run, tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    np.save("in.npy", hill() + 0.25)
+    np.save("volume.npy", np.zeros((3, 3, 3)))
+    (tmp_path / "text.npy").write_text("hello")
+    (tmp_path / "folder.npy").mkdir()
+    before = sorted(os.listdir())
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert said in one_line(err)
+    assert sorted(os.listdir()) == before
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("all-nodata.tif", "every sample is missing, so there is nothing to fair"),
+        ("jacksboro_1x403.npy", "axis 'y' has 1 sample (1 x 403 in all)"),
+        ("jacksboro_344x1.npy", "axis 'x' has 1 sample (344 x 1 in all)"),
+        ("topobathy.npz", "coordinate 'y' is not evenly spaced"),
+    ],
+)
+def test_real_files_that_cannot_be_faired(run, shared_data, tmp_path, name, said):
+    code, _, err = run("upsample", shared_data / name, "-o", tmp_path / "out.npz", "-q")
+    assert code == 2
+    assert said in one_line(err)
+
+
+def test_faults_of_the_program_are_code_1_and_leave_nothing(run, dem, tmp_path, monkeypatch):
+    def broken(*_):
+        raise TypeError("first line\nsecond line")
+
+    monkeypatch.setattr(cli, "fair", broken)
+    code, out, err = run("upsample", dem, "-o", tmp_path / "out.tif", "-q")
+    assert (code, out) == (1, "")
+    assert "internal error, TypeError: first line (set" in one_line(err)
+    assert os.listdir(tmp_path) == ["dem.tif"]
+    monkeypatch.setenv("CONTOURFAIR_TRACEBACK", "1")
+    assert "Traceback" in run("upsample", dem, "-o", tmp_path / "out.tif", "-q")[2]
+
+
+def test_an_interrupt_is_code_130(run, dem, tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "fair", interrupted)
+    assert run("upsample", dem, "-o", tmp_path / "out.tif")[0] == 130
+    assert os.listdir(tmp_path) == ["dem.tif"]
+
+
+# ---- manners -------------------------------------------------------------------------------
+
+
+def test_quiet_says_nothing(run, tmp_path):
+    values = hill()
+    values[4, 4] = np.nan
+    np.save(tmp_path / "in.npy", values)
+    assert run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "-q") == (0, "", "")
+
+
+def test_help_and_version(run):
+    code, out, _ = run("--version")
+    assert (code, out) == (0, f"contourfair {cf.__version__}\n")
+    for command in ("upsample", "contours", "compare", "info"):
+        code, out, _ = run(command, "--help")
+        assert code == 0
+        assert f"contourfair {command}" in out.split("Examples")[1]
+
+
+def test_every_method_of_the_table_is_in_the_help(run):
+    out = run("upsample", "--help")[1]
+    for name in _run.METHODS:
+        assert name in out
+
+
+def test_long_work_is_announced_and_short_work_is_not(capsys, monkeypatch):
+    monkeypatch.setattr("contourfair_jax._console._PATIENCE", 0.05)
+    with Reporter().working("long work"):
+        time.sleep(0.3)
+    assert capsys.readouterr().err == "long work ...\n"
+    monkeypatch.setattr("contourfair_jax._console._PATIENCE", 60.0)
+    with Reporter().working("short work"):
+        pass
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_terminal_gets_a_bar_that_goes_away(capsys, monkeypatch):
+    monkeypatch.setattr("contourfair_jax._console._PATIENCE", 0.05)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    with Reporter().working("long work"):
+        time.sleep(0.5)
+    shown = capsys.readouterr().err
+    assert "long work" in shown
+    assert "\x1b[" in shown
+    assert re.search(r"0:00:0\d", shown)
+
+
+HELP_WITHOUT_ENGINE = """
+import sys, types
+package = types.ModuleType("contourfair_jax")  # its __init__ would import the engine
+package.__path__ = [sys.argv[1]]
+sys.modules["contourfair_jax"] = package
+from contourfair_jax.cli import main
+assert main(["upsample", "--help"]) == 0
+loaded = {"jax", "equinox", "matplotlib", "rasterio", "PIL"} & set(sys.modules)
+sys.exit(f"loaded {loaded}" if loaded else 0)
+"""
+
+
+def test_help_loads_no_heavy_package():
+    folder = os.path.dirname(cli.__file__)
+    done = subprocess.run(
+        [sys.executable, "-c", HELP_WITHOUT_ENGINE, folder], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_as_a_module_in_its_own_process():
+    command = [sys.executable, "-m", "contourfair_jax", "info", "nothing.npy"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "contourfair: nothing.npy: there is no such file\n"

@@ -19,7 +19,7 @@ import numpy as np
 import typer
 
 from ._console import Reporter
-from ._describe import describe_output, information, missing_note
+from ._describe import describe_output, information
 from ._options import (
     Count,
     Crop,
@@ -36,8 +36,9 @@ from ._options import (
     output,
 )
 from ._run import Settings, check_fairable, fair, precision, result_dtype
+from ._steps import check_suffix, levels_of, load, warn_narrowing
 from ._window import choose_window
-from .io import Grid, InputError, check_writable, read, write, write_geojson, write_svg
+from .io import InputError, check_writable, read, write, write_geojson, write_svg
 
 app = typer.Typer(
     name="contourfair",
@@ -99,11 +100,11 @@ def upsample(
     say = Reporter(quiet)
     if factor < 1:
         raise InputError(f"--factor must be 1 or more, got {factor}")
-    grid = _load(source, key, target, say)
+    grid = load(source, key, target, say)
     check_fairable(grid, factor)
     dtype = result_dtype(grid, single)
     check_writable(target, replace(grid, values=grid.values.astype(dtype)))
-    _warn_narrowing(grid, single, say)
+    warn_narrowing(grid, single, say)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
         field = fair(grid, method, Settings(iterations, thin_plate_weight))
@@ -149,12 +150,12 @@ def contours(
     from .plot import contour_figure, drawing_factor, level_colors, save_figure
 
     say = Reporter(quiet)
-    _check_suffix(target, (".geojson", ".json", ".svg", ".png"))
-    grid = _load(source, key, target, say)
+    check_suffix(target, (".geojson", ".json", ".svg", ".png"))
+    grid = load(source, key, target, say)
     check_fairable(grid, factor or 1, ndim=(2,))
     fine = drawing_factor(grid.shape) if factor is None else factor
     check_fairable(grid, fine, ndim=(2,))
-    chosen = _levels(grid, levels, interval, count, say)
+    chosen = levels_of(grid, levels, interval, count, say)
     notes: tuple[str, ...] = ()
     with precision(single), say.working("fairing and tracing contours"):
         field = fair(grid, method, Settings(iterations, thin_plate_weight))
@@ -199,8 +200,8 @@ def compare(
     from .plot import BilinearField, compare_figure, save_figure
 
     say = Reporter(quiet)
-    _check_suffix(target, (".png",))
-    whole = _load(source, key, target, say)
+    check_suffix(target, (".png",))
+    whole = load(source, key, target, say)
     check_fairable(whole, ndim=(2,))
     ranges, note = choose_window(whole, crop)
     if note:
@@ -209,7 +210,7 @@ def compare(
     (top, bottom), (left, right) = ranges
     shown = f"rows {top}:{bottom}, columns {left}:{right}"
     check_fairable(grid, ndim=(2,))
-    chosen = _levels(grid, levels, interval, count, say)
+    chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing the samples and drawing"):
         plain = fair(grid, "local", Settings(iterations=0))
         faired = fair(grid, method, Settings(iterations, thin_plate_weight))
@@ -276,42 +277,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 # The base of all errors about how a command is called; Typer exports its subclass only.
 _USAGE: Any = typer.BadParameter.__mro__[2]
-
-
-def _load(source: Path, key: str | None, target: Path, say: Reporter) -> Grid:
-    """Read the samples and tell what is to be known about them."""
-    if source.exists() and target.exists() and source.samefile(target):
-        raise InputError(f"{target}: is the input; write to another file")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: there is no folder {target.parent}; make it first")
-    with say.working(f"reading {source}"):
-        grid = read(source, key)
-    for note in grid.notes:
-        say.note(note)
-    if grid.missing is not None:
-        say.note(missing_note(grid))
-    return grid
-
-
-def _warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
-    if single and result_dtype(grid, False) != np.float32:
-        say.note(f"--float32: {grid.source_dtype} samples are rounded to 7 digits")
-
-
-def _check_suffix(target: Path, known: tuple[str, ...]) -> None:
-    if target.suffix.lower() not in known:
-        raise InputError(f"{target}: the name must end in {', '.join(known)}")
-
-
-def _levels(
-    grid: Grid, levels: str | None, interval: float | None, count: int | None, say: Reporter
-) -> list[float]:
-    from ._trace import choose_levels
-
-    chosen, note = choose_levels(grid.values, levels, interval, count)
-    if note:
-        say.note(note)
-    return chosen
 
 
 if __name__ == "__main__":

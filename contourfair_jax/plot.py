@@ -91,11 +91,7 @@ def plot_contours(
     if inside:
         ax.contour(x, y, values, levels=inside, colors=_LINE, linewidths=_line_width(len(inside)))
     if max(field.shape) <= _DOTS:
-        rows, columns = (
-            np.linspace(at[0], at[-1], n) for at, n in zip((y, x), field.shape, strict=True)
-        )
-        dots_x, dots_y = np.meshgrid(columns, rows)
-        ax.plot(dots_x.ravel(), dots_y.ravel(), ".", color=_LINE, markersize=2.5, alpha=0.6)
+        _dots(ax, x, y, field.shape)
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(*((y[0], y[-1]) if upward else (y[-1], y[0])))
     ax.set_aspect("equal")
@@ -249,6 +245,13 @@ def _shade(
         interpolation="nearest",
         extent=(x[0] - edge_x, x[-1] + edge_x, y[0] - edge_y, y[-1] + edge_y),
     )
+
+
+def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, shape: Sequence[int]) -> None:
+    """A dot on every sample."""
+    rows, columns = (np.linspace(at[0], at[-1], n) for at, n in zip((y, x), shape, strict=True))
+    dots_x, dots_y = np.meshgrid(columns, rows)
+    ax.plot(dots_x.ravel(), dots_y.ravel(), ".", color=_LINE, markersize=2.5, alpha=0.6)
 
 
 def _line_width(count: int) -> float:

@@ -1,0 +1,48 @@
+"""What several commands do: read the input, check the names of files, choose levels."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ._console import Reporter
+from ._describe import missing_note
+from ._run import result_dtype
+from ._trace import choose_levels
+from .io import Grid, InputError, read
+
+
+def load(source: Path, key: str | None, target: Path, say: Reporter) -> Grid:
+    """Read the samples and tell what is to be known about them."""
+    if source.exists() and target.exists() and source.samefile(target):
+        raise InputError(f"{target}: is the input; write to another file")
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: there is no folder {target.parent}; make it first")
+    with say.working(f"reading {source}"):
+        grid = read(source, key)
+    for note in grid.notes:
+        say.note(note)
+    if grid.missing is not None:
+        say.note(missing_note(grid))
+    return grid
+
+
+def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
+    """Tell where float32 loses digits of the samples."""
+    if single and result_dtype(grid, False) != np.float32:
+        say.note(f"--float32: {grid.source_dtype} samples are rounded to 7 digits")
+
+
+def check_suffix(target: Path, known: tuple[str, ...]) -> None:
+    """Refuse a name whose ending says no known kind of file."""
+    if target.suffix.lower() not in known:
+        raise InputError(f"{target}: the name must end in {', '.join(known)}")
+
+
+def levels_of(
+    grid: Grid, levels: str | None, interval: float | None, count: int | None, say: Reporter
+) -> list[float]:
+    """The levels that the options ask for."""
+    chosen, note = choose_levels(grid.values, levels, interval, count)
+    if note:
+        say.note(note)
+    return chosen

@@ -1,8 +1,9 @@
-"""Real fields from a folder of data sets beside the checkout, where there is one.
+"""Real fields from the folder ``CONTOURFAIR_DATA``, or the one beside the checkout.
 
 A field with missing samples is cut to its largest fully valid rectangle.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data"
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+FOLDER = Path(os.environ.get("CONTOURFAIR_DATA", BESIDE))
 Array = NDArray[np.float64]
 
 

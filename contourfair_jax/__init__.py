@@ -7,5 +7,6 @@ from ._method import AbstractFairing as AbstractFairing
 from ._solve import LU as LU
 from ._solve import AbstractSolver as AbstractSolver
 from ._solve import Cholesky as Cholesky
+from ._solve import LeastSquares as LeastSquares
 
 __version__ = "0.1.0"

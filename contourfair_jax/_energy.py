@@ -106,6 +106,22 @@ class LocalEnergy(eqx.Module):
         forces = [_product(table.T, stress[axes]) for axes, table in self.fairing_hessians.items()]
         return jnp.concatenate(entries), -sum(forces[1:], start=forces[0])
 
+    def residuals(
+        self, factor: Tensor, samples: Float[Array, " samples"], fairing: Float[Array, " fairing"]
+    ) -> Float[Array, " residuals"]:
+        """L^T H at every quadrature point, for M = L L^T: their sum of squares is the energy."""
+        hessian = {
+            axes: _product(self.sample_hessians[axes], samples)
+            + _product(self.fairing_hessians[axes], fairing)
+            for axes in factor
+        }
+        rows = [
+            sum(factor[k, a] * _entry(hessian, a, c) for a in range(k, self.ndim))
+            for k in range(self.ndim)
+            for c in range(self.ndim)
+        ]
+        return jnp.concatenate(rows)
+
     def _stress(self, tensor: Tensor, samples: Float[Array, " samples"]) -> Tensor:
         """(M H + H M) / 2 of the interpolating part, off-diagonal entries counted twice."""
         hessian = {axes: _product(table, samples) for axes, table in self.sample_hessians.items()}
@@ -146,6 +162,15 @@ def contour_tensor(
             for a, b in energy.sample_hessians
         }
     )
+
+
+def cholesky_factor(tensor: Tensor) -> Tensor:
+    """L of M = L L^T at every quadrature point; entry (k, a), k <= a, is L_ak."""
+    factor: Tensor = {}
+    for k, a in sorted(tensor):
+        rest = tensor[k, a] - sum(factor[m, k] * factor[m, a] for m in range(k))
+        factor[k, a] = jnp.sqrt(rest) if k == a else rest / factor[k, k]
+    return factor
 
 
 def pair_blocks(ndim: int) -> list[tuple[np.ndarray, np.ndarray]]:

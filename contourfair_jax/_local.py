@@ -66,9 +66,7 @@ class LocalFairing(AbstractFairing):
     solver: AbstractSolver = eqx.field(default_factory=Cholesky)
 
     def __check_init__(self):
-        _check.check_real(
-            self.thin_plate_weight, "thin_plate_weight", most=1.0, open_below=True
-        )
+        _check.check_real(self.thin_plate_weight, "thin_plate_weight", most=1.0, open_below=True)
         _check.check_count(self.iterations, 0, "iterations")
         _check.check_count(self.quadrature_order, 2, "quadrature_order")
         if not isinstance(self.solver, AbstractSolver):

@@ -14,7 +14,7 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
-from ._energy import LocalEnergy, Tensor, pair_blocks
+from ._energy import LocalEnergy, Tensor, cholesky_factor, pair_blocks
 
 # How often the elimination cuts the matrix to what is left of it: work against compile time.
 PANELS = 4
@@ -77,22 +77,20 @@ class Cholesky(AbstractDirectSolver):
 class LeastSquares(AbstractSolver):
     """The cross-check: the same minimum posed as residuals and solved by optimistix.
 
-    The residuals are `M^(1/2) H` at the quadrature points, whose sum of squares is the energy; a
+    The residuals are `L^T H` with `M = L L^T` at the quadrature points, whose sum of squares is the energy; a
     Gauss-Newton step with QR finds their minimum without forming the normal equations.  About 20
     times slower than `Cholesky`, and like `LU` it calls LAPACK.
     """
 
     def __call__(self, energy, tensor, samples):
         def fit(tensor: Tensor, given: Array) -> Array:
-            root = square_root(tensor, energy)
+            factor = cholesky_factor(tensor)
 
             def residuals(fairing: Array, _: None) -> Array:
-                return energy.residuals(root, given, fairing)
+                return energy.residuals(factor, given, fairing)
 
             start = jnp.zeros(energy.fairing_hessians[0, 0].shape[1], given.dtype)
-            solver = optimistix.GaussNewton(
-                rtol=1e-12, atol=1e-12, linear_solver=lineax.QR()
-            )
+            solver = optimistix.GaussNewton(rtol=1e-12, atol=1e-12, linear_solver=lineax.QR())
             return optimistix.least_squares(residuals, solver, start, throw=False).value
 
         return jax.vmap(fit, in_axes=-1, out_axes=-1)(tensor, samples)

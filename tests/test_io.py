@@ -702,6 +702,9 @@ def test_what_a_format_cannot_keep_is_said(tmp_path):
     grid = Grid(terrain("uint8"), affine=NORTH_UP)
     assert "spacing and coordinates are left out" in write(tmp_path / "a.npy", grid)[0]
     assert "keeps no coordinates" in write(tmp_path / "a.png", grid)[0]
+    assert write(tmp_path / "a.tif", grid) == ()
+    metric = Grid(terrain("uint8"), affine=NORTH_UP, spacing=(1.0, 2.0))
+    assert "not the metric spacing" in write(tmp_path / "a.tif", metric)[0]
     with pytest.raises(InputError, match="a GeoTIFF holds 2-D data"):
         write(tmp_path / "a.tif", Grid(np.zeros((2, 2, 2, 2))))
     with pytest.raises(InputError, match="reference system not understood"):

@@ -17,7 +17,7 @@ from rasterio.errors import CRSError, NotGeoreferencedWarning
 from rasterio.transform import Affine
 
 from ._errors import InputError
-from ._geometry import is_skewed
+from ._geometry import is_skewed, spacing_of
 from ._grid import Grid, exact_float
 from ._limits import check_memory
 from ._missing import mark_missing, numeric, restore_nodata
@@ -95,6 +95,8 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     }
     if grid.affine is not None:
         profile["transform"] = corner_transform(grid.affine)
+        if not np.allclose(spacing_of(grid.affine), grid.spacing, rtol=1e-6):
+            notes += ("a GeoTIFF keeps the steps of its coordinates, not the metric spacing",)
     if grid.crs is not None:
         profile["crs"] = _crs(grid.crs)
     tags = dict(grid.metadata)

@@ -258,7 +258,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         report.error(str(error))
         return 2
     except _USAGE as error:
-        report.error(f"{error.format_message()} (contourfair --help shows how it is used)")
+        message = error.format_message()
+        if message:  # empty where the help was shown for want of arguments
+            report.error(f"{message} (contourfair --help shows how it is used)")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         report.error("interrupted")

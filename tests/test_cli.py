@@ -468,6 +468,12 @@ def test_help_and_version(run):
         assert f"contourfair {command}" in out.split("Examples")[1]
 
 
+def test_without_arguments_the_help_is_shown(run):
+    code, out, err = run()
+    assert (code, err) == (2, "")
+    assert "Usage: contourfair" in out
+
+
 def test_every_method_of_the_table_is_in_the_help(run):
     out = run("upsample", "--help")[1]
     for name in _run.METHODS:

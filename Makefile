@@ -1,0 +1,76 @@
+# Every target does its own set-up: Python 3.11 or later with pip, and make, are enough.
+# PYTHON=/path/to/python chooses another Python; VENV=folder another place for the packages.
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+VENV ?= .venv
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$p" && break; \
+	done)
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest
+FAST := not slow and not data
+
+.PHONY: help setup demo test test-all test-slow lint types format bench tables figures lock clean
+
+help: ## This list.
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 12
+
+setup: $(READY) ## Make the environment and install the locked packages.
+
+$(READY): requirements.lock pyproject.toml
+	@if [ -z "$(PYTHON)" ]; then \
+		echo "Python 3.11 or later is needed and was not found; try make PYTHON=/path/to/python" >&2; \
+		exit 1; fi
+	@if ! $(BIN)/python -m pip --version >/dev/null 2>&1; then \
+		echo "making $(VENV) with $$($(PYTHON) --version)"; $(PYTHON) -m venv $(VENV); fi
+	@echo "installing the locked packages (minutes the first time)"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes \
+		-r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps \
+		--no-build-isolation --editable .
+	@touch $@
+
+demo: $(READY) ## Fair the bundled terrain: table, picture, finer samples, contours in demo/.
+	$(BIN)/python -m contourfair_jax.demo
+
+test: $(READY) ## The fast tests, with 64-bit types on, then those that must also pass with them off.
+	JAX_ENABLE_X64=1 $(PYTEST) -m "$(FAST)"
+	JAX_ENABLE_X64=0 $(PYTEST) -m "$(FAST)"
+
+test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real data where it is there.
+	JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data"
+
+test-all: test test-slow ## All tests.
+
+lint: $(READY) ## Style.
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(READY) ## Put the code into the style that `lint` asks for.
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+types: $(READY) ## Static types.
+	$(BIN)/pyright
+
+bench: $(READY) ## Run every benchmark (long) and rewrite the tables of the README.
+	$(BIN)/python -m benchmarks all
+
+tables: $(READY) ## Rewrite the tables of the README from the stored results.
+	$(BIN)/python -m benchmarks tables
+
+figures: $(READY) ## Redraw the stored pictures: the paper's figures and the demo's.
+	$(BIN)/python notebooks/01_paper_figures.py --save notebooks/pictures
+	$(BIN)/python -m contourfair_jax.demo --picture notebooks/pictures/demo.png
+
+lock: $(READY) ## Renew the lock file from pyproject.toml.
+	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --upgrade \
+		--generate-hashes --no-emit-index-url --custom-compile-command "make lock" \
+		--quiet --output-file requirements.lock
+
+clean: ## Remove the environment and all that was made.
+	rm -rf $(VENV) demo .pytest_cache .ruff_cache .hypothesis build dist

@@ -1,0 +1,165 @@
+"""Arcs of level sets in the leaves of the subdivision: their ends and the vertices between.
+
+In a leaf the level set of a level is the graph a = g(b) over one or two intervals of b.  Its ends
+lie on the four edges, the vertices between where b is a multiple of 1 / strips.  All levels share
+the strips of a leaf, and within a strip each arc is one chord between points of the border of the
+strip, which do not interleave because the arcs do not cross: so chords do not cross either.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ._basis import bernstein
+from ._cells import Cells
+from ._roots import cubic_root
+from ._subdivide import MAX_DEPTH, Leaves, level_numbers
+
+# Edges of a leaf: a = 0, a = 1, b = 0, b = 1.
+_LEFT, _RIGHT, _BOTTOM, _TOP = range(4)
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """Arcs directed so that the field is larger on their left, in units of cells.
+
+    Parameters
+    ----------
+    level : array of int, shape (n,)
+        Which level.
+    count : array of int, shape (n,)
+        Vertices of each arc but its last.
+    points : array, shape (count.sum(), 2)
+        Vertices of all arcs but their last.
+    ends : array, shape (2, n, 2)
+        First and last vertices.
+    edges : array of int, shape (2, 4, n)
+        What `ends` lie on: the axis that is constant along the edge, its value in units of
+        `2**-MAX_DEPTH` cells, the cell along the edge, and 1 where the arc passes it upwards.
+    """
+
+    level: np.ndarray
+    count: np.ndarray
+    points: np.ndarray
+    ends: np.ndarray
+    edges: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Arcs of one group of leaves that have equally many strips, in the axes of the leaves."""
+
+    leaf: np.ndarray
+    level: np.ndarray
+    value: np.ndarray
+    sides: np.ndarray  # edges of the lower and the upper end, (2, n)
+    low: np.ndarray
+    high: np.ndarray
+    reverse: np.ndarray
+
+
+def arcs(leaves: Leaves, levels: np.ndarray) -> list[Arcs]:
+    """The arcs of all levels in the leaves, one group for each number of strips."""
+    found = []
+    for strips in range(1, int(leaves.strips.max(initial=0)) + 1):
+        chosen = np.flatnonzero(leaves.strips == strips)
+        cells, swapped = leaves.cells.take(chosen), leaves.swapped[chosen]
+        pieces = _pieces(cells, swapped, levels)
+        if len(pieces.leaf):
+            found.append(_arcs(cells, swapped, strips, pieces))
+    return found
+
+
+def _pieces(cells: Cells, swapped: np.ndarray, levels: np.ndarray) -> _Pieces:
+    """What the signs at the corners and the crossings of edges a = 0 and a = 1 say."""
+    count = cells.last - cells.first
+    leaf, level = np.repeat(np.arange(len(cells)), count), level_numbers(cells.first, count)
+    above = cells.points[::3, ::3].take(leaf, -1) > levels[level]
+    mixed = above.any((0, 1)) & ~above.all((0, 1))
+    leaf, level, above = leaf[mixed], level[mixed], above[..., mixed]
+    value = levels[level]
+    crossings = np.full((2, len(leaf)), np.inf)
+    for side in (0, 1):
+        crossed = np.flatnonzero(above[side, 0] != above[side, 1])
+        edge = cells.points[3 * side].take(leaf[crossed], -1)
+        crossings[side, crossed] = cubic_root(edge, value[crossed])
+    right_first = crossings[1] < crossings[0]
+    nearer, farther = np.sort(crossings, axis=0)
+    from_bottom = above[0, 0] != above[1, 0]
+    one, two = nearer < np.inf, farther < np.inf
+    nearer_side = np.where(right_first, _RIGHT, _LEFT)
+    farther_side = np.where(right_first, _LEFT, _RIGHT)
+    # One arc in each: from the bottom or the first crossing, to the next crossing or the top.
+    start = np.where(from_bottom, _BOTTOM, nearer_side)
+    stop = np.where(
+        from_bottom, np.where(one, nearer_side, _TOP), np.where(two, farther_side, _TOP)
+    )
+    low = np.where(from_bottom, 0, nearer)
+    high = np.minimum(np.where(from_bottom, nearer, farther), 1)
+    larger_right = np.where(
+        from_bottom, above[1, 0], np.where(two & right_first | ~two, above[1, 1], above[1, 0])
+    )
+    # Where all four edges are crossed there is another, from the second crossing to the top.
+    more = np.flatnonzero(from_bottom & two)
+    return _Pieces(
+        leaf=np.append(leaf, leaf[more]),
+        level=np.append(level, level[more]),
+        value=np.append(value, value[more]),
+        sides=np.stack(
+            [np.append(start, farther_side[more]), np.append(stop, np.full(len(more), _TOP))]
+        ),
+        low=np.append(low, farther[more]),
+        high=np.append(high, np.ones(len(more))),
+        reverse=np.append(larger_right, above[1, 1, more]) != swapped[np.append(leaf, leaf[more])],
+    )
+
+
+def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces) -> Arcs:
+    """Solve for the vertices, leave the axes of the leaves, and give the direction."""
+    shape = (strips + 1, len(pieces.leaf))
+    along = np.empty((2, *shape))
+    used = np.full(shape, True)
+    for row in range(strips + 1):
+        b = row / strips
+        if row == 0:
+            solved = np.flatnonzero(pieces.sides[0] == _BOTTOM)
+        elif row == strips:
+            solved = np.flatnonzero(pieces.sides[1] == _TOP)
+        else:
+            used[row] = (pieces.low < b) & (b < pieces.high)
+            solved = np.flatnonzero(used[row])
+        section = np.einsum("b,abn->an", bernstein(3, np.array(b)), cells.points)
+        along[0, row, solved] = cubic_root(
+            section.take(pieces.leaf[solved], -1), pieces.value[solved]
+        )
+        along[1, row] = b
+    for row, side, b in ((0, 0, pieces.low), (strips, 1, pieces.high)):
+        at_side = np.flatnonzero(pieces.sides[side] <= _RIGHT)
+        along[0, row, at_side] = pieces.sides[side, at_side]
+        along[1, row, at_side] = b[at_side]
+    along += cells.corner[:, None, pieces.leaf]
+    along *= 0.5**cells.depth
+    turned = swapped[pieces.leaf]
+    along = np.where(turned, along[::-1], along)
+    along = np.where(pieces.reverse, along[:, ::-1], along)
+    used = np.where(pieces.reverse, used[::-1], used)
+    starts = used[:-1].T
+    return Arcs(
+        level=pieces.level,
+        count=starts.sum(1),
+        points=along[:, :-1].transpose(2, 1, 0)[starts],
+        ends=along[:, [0, -1]].transpose(1, 2, 0),
+        edges=_edges(cells, turned, pieces),
+    )
+
+
+def _edges(cells: Cells, turned: np.ndarray, pieces: _Pieces) -> np.ndarray:
+    """Names of the edges that the ends lie on; see `Arcs`."""
+    sides = np.where(pieces.reverse, pieces.sides[::-1], pieces.sides)
+    constant, upper = sides >> 1, sides & 1
+    corner = cells.corner[:, pieces.leaf]
+    value = np.where(constant == 0, corner[0], corner[1]) + upper
+    across = np.where(constant == 0, corner[1], corner[0])
+    finest = MAX_DEPTH - cells.depth
+    passes_up = upper == np.array([[0], [1]])
+    return np.stack([constant ^ turned, value << finest, across >> cells.depth, passes_up], axis=1)

@@ -1,0 +1,119 @@
+"""Bezier cells as NumPy arrays with the batch last: which hold a level, and their subdivision.
+
+Everything that traces contours works on the host in float64: how many cells, points and lines there
+are depends on the data.  With the batch last, each of the 16 points of all cells is one contiguous
+vector, and one line of code treats all cells.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+# Cells looked at in one go: their arrays stay in the caches of the processor.
+BATCH = 1 << 17
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Square pieces of the field, all of the same size.
+
+    Parameters
+    ----------
+    points : array, shape (4, 4, n)
+        Bezier points, float64.
+    corner : array of int, shape (2, n)
+        Lower corners, in units of the side `2**-depth` of the pieces.
+    depth : int
+        How often the cells of the grid were halved.
+    first, last : array of int, shape (n,)
+        The sorted levels `first <= k < last` lie within the bounds of the piece.
+    """
+
+    points: np.ndarray
+    corner: np.ndarray
+    depth: int
+    first: np.ndarray
+    last: np.ndarray
+
+    def __len__(self) -> int:
+        return self.points.shape[-1]
+
+    def take(self, chosen: np.ndarray) -> "Cells":
+        """Those with the given indices, or where a mask is true."""
+        points = np.compress(chosen, self.points, -1) if chosen.dtype == bool else None
+        if points is None:
+            points = np.take(self.points, chosen, -1)
+        first, last = self.first[chosen], self.last[chosen]
+        return Cells(points, self.corner[:, chosen], self.depth, first, last)
+
+
+def level_ranges(
+    lower: np.ndarray, upper: np.ndarray, levels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """First and one past the last of the sorted levels with `lower <= level < upper`.
+
+    A level that is not between the Bezier points of a piece has no line in it.  Where the bounds
+    are NaN or infinite there is none.
+    """
+    first = np.searchsorted(levels, lower, side="left")
+    last = np.searchsorted(levels, upper, side="left")
+    last = np.where(np.isfinite(lower) & np.isfinite(upper), last, first)
+    return first, last
+
+
+def grid_cells(net: np.ndarray, levels: np.ndarray) -> Iterator[Cells]:
+    """The cells of a control net that may hold one of the sorted levels, batch by batch."""
+    rows, columns = ((points - 1) // 3 for points in net.shape)
+    step = max(1, BATCH // columns)
+    for start in range(0, rows, step):
+        part = net[3 * start : 3 * min(start + step, rows) + 1]
+        first, last = level_ranges(_extreme(part, np.minimum), _extreme(part, np.maximum), levels)
+        i, j = np.nonzero(last > first)
+        if not len(i):
+            continue
+        points = np.empty((4, 4, len(i)))
+        lowest = 3 * i * part.shape[1] + 3 * j
+        flat = part.reshape(-1)
+        for a in range(4):
+            for b in range(4):
+                points[a, b] = flat[lowest + (a * part.shape[1] + b)]
+        corner = np.stack([i + start, j])
+        yield Cells(points, corner, 0, first[i, j], last[i, j])
+
+
+def _extreme(net: np.ndarray, reduce: np.ufunc) -> np.ndarray:
+    """The 4 x 4 points of every cell reduced to one number; NaN spreads."""
+    rows = reduce(reduce(net[:-1:3], net[1::3]), reduce(net[2::3], net[3::3]))
+    rows = rows.T
+    return reduce(reduce(rows[:-1:3], rows[1::3]), reduce(rows[2::3], rows[3::3])).T
+
+
+def halves(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Both halves of cubics along the first axis, by de Casteljau.
+
+    The last point of the lower half is the first of the upper, bit for bit, and the end points are
+    copied: pieces that share an edge agree on it exactly.
+    """
+    p0, p1, p2, p3 = points
+    p01, p12, p23 = (p0 + p1) * 0.5, (p1 + p2) * 0.5, (p2 + p3) * 0.5
+    p012, p123 = (p01 + p12) * 0.5, (p12 + p23) * 0.5
+    middle = (p012 + p123) * 0.5
+    return np.stack([p0, p01, p012, middle]), np.stack([middle, p123, p23, p3])
+
+
+def quarters(cells: Cells, levels: np.ndarray) -> Cells:
+    """The four quarters of every cell, those that may hold a level."""
+    parts = []
+    for a, half in enumerate(halves(cells.points)):
+        for b, quarter in enumerate(halves(half.swapaxes(0, 1))):
+            points = quarter.swapaxes(0, 1)
+            first, last = level_ranges(points.min((0, 1)), points.max((0, 1)), levels)
+            kept = np.flatnonzero(last > first)
+            corner = 2 * cells.corner[:, kept] + np.array([[a], [b]])
+            part = points[..., kept], corner, first[kept], last[kept]
+            parts.append(part)
+    points, corner, first, last = (
+        np.concatenate(arrays, -1) for arrays in zip(*parts, strict=True)
+    )
+    return Cells(points, corner, cells.depth + 1, first, last)

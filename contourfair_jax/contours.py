@@ -1,0 +1,211 @@
+"""Contour lines of a 2-D field: on the field, complete, and never crossing.
+
+Lines are found in the Bezier form of the field, in float64 on the host.  Cells whose Bezier points
+are all on one side of a level cannot hold it and are skipped.  The others are halved until their
+Bezier points prove that a level is one or two simple arcs in them, and that chords keep to the
+tolerance.  Every vertex is a root of the field along a straight line.  Chords stay within convex
+pieces that they share with no other arc in wrong order, so lines cannot cross.
+
+The line of a level v is the border of {f > v}.  Places that are flat but for rounding would make
+specks at the level of the plateau, so v is raised by `5e-10` of the range of the samples, and in
+float32 by 16 roundings of the largest sample: a plateau then counts as below its own level.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ._arcs import Arcs, arcs
+from ._cells import grid_cells
+from ._field import BezierField
+from ._link import link
+from ._subdivide import leaves
+from .io import ContourLine as ContourLine
+
+MOST_LEVELS = 10_000
+LEAST_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Contours(Sequence[ContourLine]):
+    """The lines of all levels, sorted by level: a sequence of `ContourLine`.
+
+    Parameters
+    ----------
+    lines : tuple of ContourLine
+        Each with its `.level`, `.points` of shape (n, 2) in physical coordinates, and `.closed`; a
+        closed line repeats its first point.  The field is larger on the left of the direction of a
+        line in the plane of the coordinates (0, 1): a loop around a summit has positive area.
+    levels : tuple of float
+        Sorted, each once.
+    unproved : int
+        Pieces of cells, each `2**-12` cells wide, where the bounds could not prove that lines are
+        complete: places where the gradient vanishes on the level.  0 for most data.
+    notes : tuple of str
+        What is to be known about levels without lines.
+    """
+
+    lines: tuple[ContourLine, ...]
+    levels: tuple[float, ...]
+    unproved: int
+    notes: tuple[str, ...]
+
+    @overload
+    def __getitem__(self, index: int) -> ContourLine: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[ContourLine, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> ContourLine | tuple[ContourLine, ...]:
+        return self.lines[index]
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def __iter__(self) -> Iterator[ContourLine]:
+        return iter(self.lines)
+
+    def __repr__(self) -> str:
+        return (
+            f"Contours({len(self.lines)} lines at {len(self.levels)} levels, "
+            f"{self.unproved} pieces unproved)"
+        )
+
+
+def contours(field: BezierField, levels: ArrayLike, tolerance: float = 0.01) -> Contours:
+    """The contour lines of a 2-D field.
+
+    Parameters
+    ----------
+    field : BezierField
+    levels : float or sequence of float
+        In any order; each counts once.
+    tolerance : float
+        Chords stay within this distance of the true contour, in cells.
+
+    Returns
+    -------
+    Contours
+        A sequence of lines.  Lines end at the border of the grid and at cells that hold NaN.
+
+    Raises
+    ------
+    ValueError
+        For a field that is not 2-D, levels that are not finite or more than 10 000, or a tolerance
+        below 1e-8.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> import contourfair_jax as cf
+    >>> x = jnp.linspace(-1.0, 1.0, 10)
+    >>> field = cf.fair_field(jnp.hypot(x[:, None], x[None, :]), spacing=2 / 9, origin=-1.0)
+    >>> (circle,) = field.contours(0.5)
+    >>> circle.closed
+    True
+    """
+    chosen = check_levels(levels)
+    check_tolerance(tolerance)
+    net, spacing, origin = host_arrays(field)
+    found, unproved = trace(net, raised(net, chosen), tolerance)
+    lines = []
+    if found:
+        shape = (net.shape[0] // 3, net.shape[1] // 3)
+        points, bounds, which, closed = link(found, len(chosen), shape)
+        points = points * spacing + origin
+        pieces = np.split(points, bounds[1:-1])
+        for number, piece, loop in zip(which.tolist(), pieces, closed.tolist(), strict=True):
+            if len(piece) > 1 + 2 * loop:
+                lines.append(ContourLine(float(chosen[number]), piece, loop))
+    notes = _notes(chosen, lines, unproved)
+    return Contours(tuple(lines), tuple(chosen.tolist()), unproved, notes)
+
+
+def trace(net: np.ndarray, levels: np.ndarray, tolerance: float) -> tuple[list[Arcs], int]:
+    """The arcs of sorted levels in a control net, and how many pieces were not proved."""
+    found, unproved = [], 0
+    for cells in grid_cells(net, levels):
+        for group in leaves(cells, levels, tolerance):
+            unproved += int(np.count_nonzero(~group.proved))
+            found += arcs(group, levels)
+    return found, unproved
+
+
+def raised(net: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """The levels that are traced, above plateaus at the levels that were asked for."""
+    samples = net[::3, ::3]
+    samples = samples[np.isfinite(samples)]
+    if not samples.size:
+        return levels
+    low, high = float(samples.min()), float(samples.max())
+    by = 5e-10 * (high - low)
+    if net.dtype != np.float64:
+        by += 16 * float(np.finfo(net.dtype).eps) * max(abs(low), abs(high))
+    return levels + by
+
+
+def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Net, spacing and origin of a 2-D field on the host.
+
+    Raises
+    ------
+    ValueError
+        For a field that is not 2-D.
+    """
+    if field.ndim != 2:
+        raise ValueError(
+            f"field must be 2-D to have contour lines, got {field.ndim}-D; "
+            "take a slice of the samples, or the isosurface"
+        )
+    spacing, origin = (np.asarray(x, dtype=np.float64) for x in (field.spacing, field.origin))
+    return np.asarray(field.control_points), spacing, origin
+
+
+def check_levels(levels: ArrayLike) -> np.ndarray:
+    """Sorted finite levels, each once.
+
+    Raises
+    ------
+    ValueError
+        For levels that are not real and finite, or too many.
+    """
+    array = np.asarray(levels)
+    if array.ndim > 1 or (array.size and array.dtype.kind not in "fiu"):
+        raise ValueError(
+            f"levels must be real numbers in one sequence, got shape {array.shape} and dtype "
+            f"{array.dtype}"
+        )
+    array = np.atleast_1d(array).astype(np.float64)
+    wrong = np.count_nonzero(~np.isfinite(array))
+    if wrong:
+        raise ValueError(f"levels must be finite, got {wrong} that are not; leave them out")
+    array = np.unique(array)
+    if len(array) > MOST_LEVELS:
+        raise ValueError(
+            f"levels must be at most {MOST_LEVELS}, got {len(array)}; call once for each part"
+        )
+    return array
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise ValueError unless the tolerance is a usable number of cells."""
+    known = isinstance(tolerance, int | float | np.number) and not isinstance(tolerance, bool)
+    if not known or not LEAST_TOLERANCE <= tolerance < np.inf:
+        raise ValueError(
+            f"tolerance must be a distance in cells of at least {LEAST_TOLERANCE:g}, "
+            f"got {tolerance!r}; 0.01 is fine enough for pictures and maps"
+        )
+
+
+def _notes(levels: np.ndarray, lines: Sequence[ContourLine], unproved: int) -> tuple[str, ...]:
+    notes = []
+    empty = sorted(set(levels.tolist()) - {line.level for line in lines})
+    if empty:
+        listed = ", ".join(f"{level:g}" for level in empty[:5]) + (", ..." if empty[5:] else "")
+        notes.append(f"{len(empty)} of {len(levels)} levels have no line: {listed}")
+    if unproved:
+        notes.append(f"{unproved} pieces of cells may hold details that the lines do not show")
+    return tuple(notes)

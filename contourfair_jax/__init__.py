@@ -1,12 +1,52 @@
 """Smooth fields with fair contours from sampled scalar fields, differentiable, on JAX."""
 
-from ._fair import fair_field as fair_field
-from ._field import BezierField as BezierField
-from ._local import LocalFairing as LocalFairing
-from ._method import AbstractFairing as AbstractFairing
-from ._solve import LU as LU
-from ._solve import AbstractSolver as AbstractSolver
-from ._solve import Cholesky as Cholesky
-from ._solve import LeastSquares as LeastSquares
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._fair import fair_field as fair_field
+    from ._field import BezierField as BezierField
+    from ._local import LocalFairing as LocalFairing
+    from ._method import AbstractFairing as AbstractFairing
+    from ._solve import LU as LU
+    from ._solve import AbstractSolver as AbstractSolver
+    from ._solve import Cholesky as Cholesky
+    from ._solve import LeastSquares as LeastSquares
 
 __version__ = "0.1.0"
+
+# The module of every public name.  Modules are imported when a name of theirs is first used, so
+# that the command line answers `--help`, and files are read, without importing JAX.
+_MODULE_OF = {
+    "AbstractFairing": "_method",
+    "AbstractSolver": "_solve",
+    "BezierField": "_field",
+    "Cholesky": "_solve",
+    "LU": "_solve",
+    "LeastSquares": "_solve",
+    "LocalFairing": "_local",
+    "fair_field": "_fair",
+}
+
+__all__ = [
+    "LU",
+    "AbstractFairing",
+    "AbstractSolver",
+    "BezierField",
+    "Cholesky",
+    "LeastSquares",
+    "LocalFairing",
+    "fair_field",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULE_OF})

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ._fair import fair_field as fair_field
     from ._field import BezierField as BezierField
+    from ._global import GlobalFairing as GlobalFairing
     from ._local import LocalFairing as LocalFairing
     from ._method import AbstractFairing as AbstractFairing
     from ._solve import LU as LU
@@ -22,6 +23,7 @@ _MODULE_OF = {
     "AbstractSolver": "_solve",
     "BezierField": "_field",
     "Cholesky": "_solve",
+    "GlobalFairing": "_global",
     "LU": "_solve",
     "LeastSquares": "_solve",
     "LocalFairing": "_local",
@@ -34,6 +36,7 @@ __all__ = [
     "AbstractSolver",
     "BezierField",
     "Cholesky",
+    "GlobalFairing",
     "LeastSquares",
     "LocalFairing",
     "fair_field",

@@ -10,10 +10,10 @@ the coefficients and every integral is a sum over Gauss points q of M_ab(q) time
 
     E = sum_q sum_ab M_ab(q) sum_c f_ac(q) f_bc(q).
 
-Tables of those constants depend on the spacing only.  The largest, of products of two functions, is
-kept for half of every axis: the functions are even or odd about the vertex (`_basis`), so a sum over
-all points is a sum over the half with M folded into its even and odd parts (`_fold`), one table for
-each parity block.
+Tables of those constants depend on the spacing only.  The largest, of products of two functions,
+is kept for half of every axis: the functions are even or odd about the vertex (`_basis`), so a sum
+over all points is a sum over the half with M folded into its even and odd parts (`_fold`), one
+table for each parity block.
 
 Functions of one vertex take and return vectors, and are written with slices, sums and products with
 constant matrices only: under `jax.vmap` over a trailing axis they stay products of matrices.
@@ -32,8 +32,8 @@ from ._basis import block_of, full_axis, index_set, quadrature
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.
 FLAT = 1e-6
 
-# A symmetric tensor at the quadrature points, entries a <= b.  Points are ordered by the half of every
-# axis (upper halves first), then by the point within it.
+# A symmetric tensor at the quadrature points, entries a <= b.  Points are ordered by the half of
+# every axis (upper halves first), then by the point within it.
 Tensor = dict[tuple[int, int], Float[Array, " points"]]
 
 

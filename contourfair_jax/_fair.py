@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from . import _check
 from ._field import BezierField
 from ._local import LocalFairing
-from ._method import AbstractFairing
+from ._method import AbstractFairing, FitReport, is_traced
 
 
 def fair_field(
@@ -36,8 +36,8 @@ def fair_field(
         Distance of samples along each axis; it changes the result where axes differ.
     origin : float or sequence of ndim floats
         Physical position of the first sample.
-    method : LocalFairing
-        How to fair; `LocalFairing()` by default.
+    method : LocalFairing or GlobalFairing
+        How to fair; `LocalFairing()`, the paper's method, by default.
 
     Returns
     -------
@@ -52,7 +52,10 @@ def fair_field(
     Notes
     -----
     NaN in the samples: local fairing leaves NaN in the cells whose samples one step around include
-    it, at most four per axis, and nowhere else.
+    it, at most four per axis, and nowhere else; global fairing fills it.
+
+    Values are never looked at inside `jax.jit`.  Outside, a method may refuse samples it has no
+    answer for and warns where it did not converge.
 
     References
     ----------
@@ -74,10 +77,15 @@ def fair_field(
         method = LocalFairing()
     if not isinstance(method, AbstractFairing):
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
-    return BezierField(_control_points(method, values, spacing), spacing, origin)
+    if not is_traced(values):
+        method.check_values(values)
+    net, report = _fit(method, values, spacing)
+    if not is_traced(net):
+        method.warn(report)
+    return BezierField(net, spacing, origin, report)
 
 
 @eqx.filter_jit
-def _control_points(method: AbstractFairing, values: Array, spacing: Array) -> Array:
+def _fit(method: AbstractFairing, values: Array, spacing: Array) -> tuple[Array, FitReport | None]:
     """One compiled program for each method, shape and dtype."""
-    return method.control_points(values, spacing)
+    return method.fit(values, spacing)

@@ -1,12 +1,18 @@
 """The result of fairing: an immutable C1 piecewise cubic field."""
 
+from typing import TYPE_CHECKING
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from . import _check
 from ._bezier import cell_extreme, gather_cells, jet, refine_axis
+from ._method import FitReport
+
+if TYPE_CHECKING:
+    from .contours import Contours
 
 OUTSIDE = ("nan", "clamp", "extend")
 
@@ -25,6 +31,8 @@ class BezierField(eqx.Module):
         Distance of samples along each axis.
     origin : array, shape (ndim,)
         Position of the first sample.
+    report : FitReport or None
+        Steps, residuals, convergence and filled samples of an iterative fit (`GlobalFairing`).
 
     Notes
     -----
@@ -46,6 +54,7 @@ class BezierField(eqx.Module):
     control_points: Float[Array, "*net"]
     spacing: Float[Array, " ndim"]
     origin: Float[Array, " ndim"]
+    report: FitReport | None = None
 
     @property
     def ndim(self) -> int:
@@ -167,6 +176,12 @@ class BezierField(eqx.Module):
         lower = cell_extreme(self.control_points, jnp.minimum)
         upper = cell_extreme(self.control_points, jnp.maximum)
         return lower, upper
+
+    def contours(self, levels: ArrayLike, tolerance: float = 0.01) -> "Contours":
+        """Contour lines of a 2-D field; see `contourfair_jax.contours.contours`."""
+        from .contours import contours
+
+        return contours(self, levels, tolerance)
 
     def to_bspline(self) -> tuple[tuple[Float[Array, " knots"], ...], Float[Array, "*twice"]]:
         """The same field as a cubic B-spline with double knots.

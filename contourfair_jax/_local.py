@@ -1,7 +1,7 @@
 """Local fairing, the paper's method: every inner vertex fairs its own 3^d neighbourhood.
 
-For one vertex: gather the samples -> thin plate -> sample the normals -> assemble the contour energy
--> solve -> repeat with the new normals -> Bezier points.  Then the patches merge.
+For one vertex: gather the samples -> thin plate -> sample the normals -> assemble the contour
+energy -> solve -> repeat with the new normals -> Bezier points.  Then the patches merge.
 """
 
 import equinox as eqx
@@ -74,8 +74,8 @@ class LocalFairing(AbstractFairing):
                 f"solver must be a solver object such as Cholesky() or LU(), got {self.solver!r}"
             )
 
-    def control_points(self, values, spacing):
-        shape, ndim = values.shape, values.ndim
+    def fit(self, values, spacing):
+        shape = values.shape
         energy = LocalEnergy(spacing / jnp.min(spacing), self.quadrature_order)
         thin_plate = _thin_plate_operator(energy)
         window = window_shape(shape)
@@ -92,7 +92,7 @@ class LocalFairing(AbstractFairing):
         starts = jnp.asarray(window_starts(shape, window))
         net = jnp.zeros(net_shape(shape), values.dtype)
         net, _ = jax.lax.scan(place, net, (starts, cut_windows(values, window)))
-        return set_samples(net, values)
+        return set_samples(net, values), None
 
     def _patches(
         self,

@@ -81,4 +81,3 @@ def _owned(shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def set_samples(net: Float[Array, "*net"], values: Float[Array, "*shape"]) -> Float[Array, "*net"]:
     """Put the samples, bit for bit, where the net points are samples."""
     return net.at[(slice(None, None, 3),) * net.ndim].set(values)
-

@@ -1,9 +1,34 @@
-"""What `fair_field(method=...)` takes."""
+"""What `fair_field(method=...)` takes, and what a fit reports."""
 
 import abc
 
 import equinox as eqx
-from jaxtyping import Array, Float
+import jax
+from jaxtyping import Array, Bool, Float, Int
+
+
+class FitReport(eqx.Module):
+    """What an iterative fit says of itself; kept by the field as `field.report`.
+
+    Parameters
+    ----------
+    converged : bool array, shape ()
+        Whether every linear solve met its tolerance within the step limit.
+    updates : array, shape (iterations + 1,)
+        Largest change of the control net in each iteration, in units of the samples' spread.
+    steps : array of int, shape (iterations + 1,)
+        Steps of conjugate gradients in each iteration.
+    residuals : array, shape (iterations + 1,)
+        Residual at the end of each solve, relative to its right-hand side.
+    filled : bool array, shape (n_1, ..., n_d)
+        Samples that were missing (NaN) and are filled by the field.
+    """
+
+    converged: Bool[Array, ""]
+    updates: Float[Array, " solves"]
+    steps: Int[Array, " solves"]
+    residuals: Float[Array, " solves"]
+    filled: Bool[Array, "*shape"]
 
 
 class AbstractFairing(eqx.Module):
@@ -13,7 +38,18 @@ class AbstractFairing(eqx.Module):
     """
 
     @abc.abstractmethod
-    def control_points(
+    def fit(
         self, values: Float[Array, "*shape"], spacing: Float[Array, " ndim"]
-    ) -> Float[Array, "*net"]:
+    ) -> tuple[Float[Array, "*net"], FitReport | None]:
         """Control net with 3 (n - 1) + 1 points per axis, the samples at every third."""
+
+    def check_values(self, values: Float[Array, "*shape"]) -> None:
+        """Raise ValueError for samples the method has no answer for; called outside jit only."""
+
+    def warn(self, report: FitReport | None) -> None:
+        """Warn of a fit that fell short; called outside jit only."""
+
+
+def is_traced(*arrays: object) -> bool:
+    """Whether any of the arrays is abstract, as inside `jax.jit` or `jax.grad`."""
+    return any(isinstance(array, jax.core.Tracer) for array in arrays)

@@ -1,7 +1,7 @@
 """Solvers of the local systems: the only place where small linear algebra is called.
 
-A solver is an object that finds, for a batch of vertices, the fairing coefficients that minimise the
-local energy.  Arrays have the batch last.
+A solver is an object that finds, for a batch of vertices, the fairing coefficients that minimise
+the local energy.  Arrays have the batch last.
 """
 
 import abc
@@ -77,9 +77,9 @@ class Cholesky(AbstractDirectSolver):
 class LeastSquares(AbstractSolver):
     """The cross-check: the same minimum posed as residuals and solved by optimistix.
 
-    The residuals are `L^T H` with `M = L L^T` at the quadrature points, whose sum of squares is the energy; a
-    Gauss-Newton step with QR finds their minimum without forming the normal equations.  About 20
-    times slower than `Cholesky`, and like `LU` it calls LAPACK.
+    The residuals are `L^T H` with `M = L L^T` at the quadrature points, and their sum of squares is
+    the energy; a Gauss-Newton step with QR finds their minimum without forming the normal
+    equations.  About 20 times slower than `Cholesky`, and like `LU` it calls LAPACK.
     """
 
     def __call__(self, energy, tensor, samples):

@@ -1,0 +1,80 @@
+"""Preconditioned conjugate gradients, and the block preconditioner of the global solve."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+
+class Solution(NamedTuple):
+    """What `conjugate_gradients` returns."""
+
+    value: Float[Array, "..."]
+    steps: Int[Array, ""]
+    residual: Float[Array, ""]
+
+
+def conjugate_gradients(
+    apply: Callable[[Array], Array],
+    rhs: Float[Array, "..."],
+    guess: Float[Array, "..."],
+    precondition: Callable[[Array], Array],
+    tolerance: float,
+    max_steps: int,
+) -> Solution:
+    """Solve a symmetric positive definite system.
+
+    Stops when the residual, in the norm of the preconditioner, is `tolerance` times the right-hand
+    side, or after `max_steps`.  A guess that is worse than zero is not used.
+    """
+
+    def norm(x: Array) -> Array:
+        return jnp.sum(x * precondition(x))
+
+    def unfinished(state: tuple) -> Array:
+        *_, squared, step = state
+        return (squared > target) & (step < max_steps)
+
+    def advance(state: tuple) -> tuple:
+        x, residual, direction, squared, step = state
+        image = apply(direction)
+        length = squared / jnp.sum(direction * image)
+        x = x + length * direction
+        residual = residual - length * image
+        scaled = precondition(residual)
+        renewed = jnp.sum(residual * scaled)
+        return x, residual, scaled + (renewed / squared) * direction, renewed, step + 1
+
+    size = norm(rhs)
+    target = tolerance**2 * size
+    residual = rhs - apply(guess)
+    useful = norm(residual) < size
+    guess, residual = jnp.where(useful, guess, 0), jnp.where(useful, residual, rhs)
+    direction = precondition(residual)
+    state = (guess, residual, direction, jnp.sum(residual * direction), jnp.zeros((), jnp.int32))
+    x, _, _, squared, steps = jax.lax.while_loop(unfinished, advance, state)
+    relative = jnp.sqrt(squared / jnp.where(size == 0, 1, size))
+    return Solution(x, steps, relative)
+
+
+def block_preconditioner(
+    blocks: Float[Array, "n n vertices"], free: Bool[Array, "n vertices"]
+) -> Callable[[Array], Array]:
+    """Product with the inverse of every vertex's block, restricted to what is free."""
+    n = len(blocks)
+    unit = jnp.eye(n, dtype=blocks.dtype)[:, :, None]
+    both = free[:, None] & free[None]
+    work = jnp.where(both, blocks, 0) + jnp.where(free[None], 0, unit)
+    work = jnp.concatenate([work, jnp.broadcast_to(unit, work.shape)], axis=1)
+
+    def pivot(k: Array, work: Array) -> Array:
+        row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
+        column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
+        row = row / jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)[None]
+        cleared = work - column[:, None] * row[None]
+        return jax.lax.dynamic_update_index_in_dim(cleared, row, k, axis=0)
+
+    inverse = jax.lax.fori_loop(0, n, pivot, work)[:, n:]
+    return lambda x: jnp.where(free, jnp.sum(inverse * x[None], axis=1), 0)

@@ -1,0 +1,61 @@
+r"""Normal tensors of cells, averaged over a neighbourhood.
+
+The structure tensor of a cell is `J = integral of g g^T`.  Smoothed over cells with a Gaussian, its
+power `N = J^p / tr(J^p)` is n n^T where neighbouring level sets agree on their normal n, and I / d
+at corners, blobs and flat places.  No eigenvectors, so it has derivatives everywhere.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._energy import FLAT
+
+# Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
+REACH = 6
+LARGEST_COHERENCE = 2.5
+
+# A symmetric tensor in every cell, entries a <= b.
+CellTensor = dict[tuple[int, int], Float[Array, "*cells"]]
+
+
+def coherent_normals(
+    structure: CellTensor, coherence: float | Float[Array, ""], sharpness: int
+) -> CellTensor:
+    """N of every cell from the structure tensors of a field with values of spread about 1."""
+    ndim = max(structure)[0] + 1
+    smoothed = {axes: smooth(entry, coherence) for axes, entry in structure.items()}
+    trace = sum(smoothed[axis, axis] for axis in range(ndim)) + FLAT**2
+    direction = {axes: entry / trace for axes, entry in smoothed.items()}
+    power = direction
+    for _ in range(sharpness - 1):
+        power = _multiply(power, direction, ndim)
+    total = sum(power[axis, axis] for axis in range(ndim)) + FLAT**2 / trace
+    return {axes: entry / total for axes, entry in power.items()}
+
+
+def smooth(
+    values: Float[Array, "*cells"], width: float | Float[Array, ""]
+) -> Float[Array, "*cells"]:
+    """Gaussian average over cells with standard deviation `width`, mirrored at the border.
+
+    Along each axis it is a product with a banded matrix.
+    """
+    width = jnp.maximum(jnp.asarray(width, values.dtype), 0.05)
+    for axis, size in enumerate(values.shape):
+        offsets = jnp.arange(-REACH, REACH + 1, dtype=values.dtype)
+        weights = jnp.exp(-0.5 * (offsets / width) ** 2)
+        weights = weights / jnp.sum(weights)
+        source = np.pad(np.arange(size), REACH, mode="symmetric")
+        values = jnp.moveaxis(values, axis, 0)
+        parts = [weights[k] * values[source[k : k + size]] for k in range(2 * REACH + 1)]
+        values = jnp.moveaxis(sum(parts[1:], start=parts[0]), 0, axis)
+    return values
+
+
+def _multiply(left: CellTensor, right: CellTensor, ndim: int) -> CellTensor:
+    """Product of two symmetric tensors that commute."""
+    return {
+        (a, b): sum(left[min(a, k), max(a, k)] * right[min(k, b), max(k, b)] for k in range(ndim))
+        for a, b in left
+    }

@@ -13,10 +13,9 @@ float32 by 16 roundings of the largest sample: a plateau then counts as below it
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import TypeAlias, overload
 
 import numpy as np
-from jaxtyping import ArrayLike
 
 from ._arcs import Arcs, arcs
 from ._cells import grid_cells
@@ -24,6 +23,8 @@ from ._field import BezierField
 from ._link import link
 from ._subdivide import leaves
 from .io import ContourLine as ContourLine
+
+Levels: TypeAlias = float | Sequence[float] | np.ndarray
 
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
@@ -75,7 +76,7 @@ class Contours(Sequence[ContourLine]):
         )
 
 
-def contours(field: BezierField, levels: ArrayLike, tolerance: float = 0.01) -> Contours:
+def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Contours:
     """The contour lines of a 2-D field.
 
     Parameters
@@ -164,7 +165,7 @@ def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return np.asarray(field.control_points), spacing, origin
 
 
-def check_levels(levels: ArrayLike) -> np.ndarray:
+def check_levels(levels: Levels) -> np.ndarray:
     """Sorted finite levels, each once.
 
     Raises

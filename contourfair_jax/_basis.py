@@ -4,15 +4,17 @@ Five cubic splines `phi_0 .. phi_4` on the knots {0,0,0,0,1,2,2,2,2} span one ax
 neighbourhood mapped to [0, 2] (section 4.1 and table 1 of the paper).  `phi_0, phi_2, phi_4` are 1
 at s = 0, 1, 2 in turn and carry the samples; `phi_1, phi_3` vanish there and are free for fairing.
 
-The energy is assembled in the combinations of `phi` that are even or odd about the vertex, s = 1:
+The energy is assembled in combinations of `phi` that are even or odd about the vertex, s = 1:
 
-    index      0              1       2              3              4
-    function   phi_0 + phi_4  phi_2   phi_4 - phi_0  phi_1 + phi_3  phi_3 - phi_1
-    parity     even           even    odd            even           odd
-    set        samples        samples samples        fairing        fairing
+    index      0     1             2         3                      4
+    function   1     (s - 1)^2     s - 1     phi_1 + phi_3          phi_3 - phi_1
+    parity     even  even          odd       even                   odd
+    set        samples             samples   fairing                fairing
 
-A product of two functions with different parity integrates to zero against an even weight, so in
-d dimensions every table of products falls into 2^d independent blocks.
+The first three span the quadratics through the three samples, so that smooth data needs little of
+the fairing functions: in float32 nothing cancels, even where spacings differ a lot.  A product of
+two functions with different parity integrates to zero against an even weight, so in d dimensions
+every table of products falls into 2^d independent blocks.
 """
 
 import itertools
@@ -33,21 +35,21 @@ TO_BEZIER = np.array(
     ]
 )
 
-# Coefficients of phi_0 .. phi_4 from those of the even and odd combinations above.
+# Coefficients of phi_0 .. phi_4 from those of the even and odd functions above.
 FROM_PARITY = np.array(
     [
-        [1, 0, -1, 0, 0],
-        [0, 0, 0, 1, -1],
-        [0, 1, 0, 0, 0],
-        [0, 0, 0, 1, 1],
-        [1, 0, 1, 0, 0],
+        [1, 1, -1, 0, 0],
+        [1, 1 / 3, -2 / 3, 1, -1],
+        [1, 0, 0, 0, 0],
+        [1, 1 / 3, 2 / 3, 1, 1],
+        [1, 1, 1, 0, 0],
     ]
 )
 ODD = np.array([0, 0, 1, 0, 1])
 N_SAMPLES = 3
 
-# Even and odd coefficients of the three samples along an axis.
-SAMPLES_TO_PARITY = np.array([[0.5, 0, 0.5], [0, 1, 0], [-0.5, 0, 0.5]])
+# Coefficients of the quadratic through the three samples of an axis.
+SAMPLES_TO_PARITY = np.array([[0, 1, 0], [0.5, -1, 0.5], [-0.5, 0, 0.5]])
 
 
 def bernstein(degree: int, t: np.ndarray) -> np.ndarray:

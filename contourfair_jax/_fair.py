@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 
 import equinox as eqx
-from jaxtyping import Array, Float
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from . import _check
 from ._field import BezierField
@@ -12,10 +15,10 @@ from ._method import AbstractFairing, FitReport, is_traced
 
 
 def fair_field(
-    values: Float[Array, "*shape"],
+    values: ArrayLike,
     *,
-    spacing: float | Sequence[float] | Array = 1.0,
-    origin: float | Sequence[float] | Array = 0.0,
+    spacing: ArrayLike | Sequence[float] = 1.0,
+    origin: ArrayLike | Sequence[float] = 0.0,
     method: AbstractFairing | None = None,
 ) -> BezierField:
     """Turn samples on a regular grid into a C1 field with fair contours.
@@ -79,10 +82,20 @@ def fair_field(
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
     if not is_traced(values):
         method.check_values(values)
-    net, report = _fit(method, values, spacing)
+    net, report = _fit(_settings_as_arrays(method, values.dtype), values, spacing)
     if not is_traced(net):
         method.warn(report)
     return BezierField(net, spacing, origin, report)
+
+
+def _settings_as_arrays(method: AbstractFairing, dtype: jnp.dtype) -> AbstractFairing:
+    """Real-valued settings in the dtype of the samples: traced, so other values do not retrace."""
+
+    def convert(leaf: object) -> object:
+        number = isinstance(leaf, int | float) or eqx.is_array_like(leaf)
+        return jnp.asarray(leaf, dtype) if number else leaf
+
+    return jax.tree.map(convert, method)
 
 
 @eqx.filter_jit

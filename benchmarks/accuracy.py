@@ -17,6 +17,7 @@ OTHERS = (
     "GMT surface T .25",
     "GMT greenspline",
     "interpax cubic2",
+    engine.DEFAULT,
     engine.SMALL_WEIGHT,
     engine.CLEAN,
     engine.TUNED,

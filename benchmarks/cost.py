@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import RectBivariateSpline
 
 import contourfair_jax as cf
-from benchmarks import clock, engine, gmt, peers, report
+from benchmarks import clock, gmt, peers, report
 from benchmarks.report import Result, Track
 
 X64 = False
@@ -29,13 +29,11 @@ def waves(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _methods() -> dict[str, Callable[[], Any]]:
-    methods: dict[str, Callable[[], Any]] = {
+    return {
         "local, thin plate": lambda: cf.LocalFairing(iterations=0),
         "local": lambda: cf.LocalFairing(iterations=3),
+        "global": cf.GlobalFairing,
     }
-    if engine.GLOBAL in engine.OBJECTS:
-        methods["global"] = engine.OBJECTS[engine.GLOBAL]
-    return methods
 
 
 def measure(shape: tuple[int, ...], make: Callable[[], Any]) -> Result:
@@ -85,7 +83,7 @@ def peer_times() -> list[Result]:
     """Seconds to build and refine 4x what peers make of 256 x 256, and per queried point."""
     values = waves((PEER_SIZE, PEER_SIZE)).astype(np.float64)
     axes = [np.arange(n, dtype=float) for n in values.shape]
-    spline = RectBivariateSpline(*axes, values, s=0)
+    spline = RectBivariateSpline(axes[0], axes[1], values, s=0)
     points = np.random.default_rng(0).uniform(0.0, PEER_SIZE - 1, (2, QUERIES))
     timed: dict[str, Callable[[], Any]] = {
         "linear": lambda: peers.linear(values, 1.0, 4),

@@ -14,6 +14,7 @@ import contourfair_jax as cf
 from benchmarks.peers import Array, Method, Spacing
 
 LOCAL, GLOBAL, TUNED = "local", "global", "tuned"
+DEFAULT = "global, defaults"
 SMALL_WEIGHT, CLEAN = "global w .003", "global w .001 c 1.5"
 
 
@@ -47,14 +48,17 @@ def _global(weight: float = 0.01, coherence: float = 1.2) -> "cf.GlobalFairing":
     )
 
 
-OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {}
-if hasattr(cf, "LocalFairing"):
-    OBJECTS[LOCAL] = _local
-if hasattr(cf, "GlobalFairing"):
-    OBJECTS[GLOBAL] = _global
-    OBJECTS[SMALL_WEIGHT] = lambda: _global(0.003)
-    OBJECTS[CLEAN] = lambda: _global(0.001, 1.5)
+OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {
+    LOCAL: _local,
+    DEFAULT: cf.GlobalFairing,
+    GLOBAL: _global,
+    SMALL_WEIGHT: lambda: _global(0.003),
+    CLEAN: lambda: _global(0.001, 1.5),
+}
 
 METHODS: dict[str, Method] = {name: _method(name) for name in OBJECTS}
 if hasattr(cf, "tune"):
     METHODS[TUNED] = _method(TUNED)
+
+MAIN = {name: METHODS[name] for name in (LOCAL, DEFAULT, GLOBAL, TUNED) if name in METHODS}
+"""The engine's rows in most tables."""

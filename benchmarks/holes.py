@@ -74,7 +74,7 @@ def _gmt_tension(values: Array) -> Array:
 
 
 def _fair(values: Array) -> Array:
-    return np.asarray(engine.field(values, 1.0, engine.GLOBAL).samples)
+    return np.asarray(engine.field(values, 1.0, engine.DEFAULT).samples)
 
 
 def _fair_tuned(values: Array) -> Array:
@@ -88,8 +88,7 @@ FILLERS = {
 }
 if gmt.version():
     FILLERS |= {"GMT surface": _gmt_surface, "GMT surface T .25": _gmt_tension}
-if hasattr(cf, "GlobalFairing"):
-    FILLERS[engine.GLOBAL] = _fair
+FILLERS[engine.DEFAULT] = _fair
 if hasattr(cf, "tune"):
     FILLERS[engine.TUNED] = _fair_tuned
 

@@ -24,8 +24,8 @@ X64 = True
 SIZE, RADIUS = 16, 4.3
 ANGLES = np.deg2rad(np.arange(10.0, 46.0, 7.0))
 OFFSETS = (0.0, 1.0 / 3.0, 2.0 / 3.0)
-WIDTHS = (0.5, 0.7, 1.0)
-METHODS: dict[str, Method] = {**peers.SPLINES, **engine.METHODS}
+WIDTHS = (0.45, 0.5, 0.55)
+METHODS: dict[str, Method] = {**peers.SPLINES, **engine.MAIN}
 
 
 def _normal_error(gradient: Array, truth: Array) -> float:
@@ -50,7 +50,7 @@ def marschner_lobb_volume(track: Track, count: int = 60_000) -> Result:
     samples, spacing = VOLUME.samples(), VOLUME.spacing
     index = (points + 1.0) / spacing
     rows: Result = {}
-    for name in track([*peers.POINTS, *engine.METHODS], "Marschner-Lobb volume"):
+    for name in track([*peers.POINTS, *engine.MAIN], "Marschner-Lobb volume"):
         if name in peers.POINTS:
             spline = peers.POINTS[name]
             found = spline(samples, index)

@@ -18,7 +18,7 @@ X64 = True
 METHODS: dict[str, Method] = {
     **peers.SPLINES,
     "interpax cubic2": peers.interpax_cubic2,
-    **engine.METHODS,
+    **engine.MAIN,
 }
 SIZE, FACTOR = 32, 4
 HALOS = (1, 2, 4, 8)

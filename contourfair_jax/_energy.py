@@ -90,7 +90,7 @@ class LocalEnergy(eqx.Module):
         Returns
         -------
         matrix
-            The entries j <= i, in the order of `pair_blocks`.
+            Its blocks, in the order of `block_pairs`.
         rhs
         """
         ndim = self.ndim
@@ -173,12 +173,32 @@ def cholesky_factor(tensor: Tensor) -> Tensor:
     return factor
 
 
-def pair_blocks(ndim: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Rows i and columns j <= i of the fairing matrix, grouped by the parity block of i and j."""
-    block = block_of(index_set(ndim, "fairing"))
-    i, j = np.tril_indices(len(block))
-    together = block[i] ^ block[j]
-    return [(i[together == b], j[together == b]) for b in range(2**ndim)]
+def block_pairs(ndim: int) -> list[list[tuple[int, int]]]:
+    """The blocks (p, q), p <= q, of the fairing matrix: a list for each product of parities."""
+    count = 2**ndim
+    return [[(p, p ^ both) for p in range(count) if p <= p ^ both] for both in range(count)]
+
+
+def full_matrix(
+    entries: Float[Array, "entries batch"], ndim: int
+) -> Float[Array, "fairing fairing batch"]:
+    """Put the blocks of symmetric matrices together."""
+    sizes = block_sizes("fairing", ndim)
+    pairs = [pair for group in block_pairs(ndim) for pair in group]
+    ends = np.cumsum([sizes[p] * sizes[q] for p, q in pairs])
+    blocks = {}
+    for (p, q), part in zip(pairs, jnp.split(entries, ends[:-1]), strict=True):
+        blocks[p, q] = part.reshape(sizes[p], sizes[q], -1)
+        blocks[q, p] = blocks[p, q].transpose(1, 0, 2)
+    count = range(2**ndim)
+    return jnp.concatenate(
+        [jnp.concatenate([blocks[p, q] for q in count], axis=1) for p in count], axis=0
+    )
+
+
+def block_sizes(kind: str, ndim: int) -> np.ndarray:
+    """How many of the sample or fairing functions fall into each parity block."""
+    return np.bincount(block_of(index_set(ndim, kind)), minlength=2**ndim)
 
 
 def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
@@ -240,9 +260,14 @@ def _product_tables(
         return one if a == b else one + one.transpose(1, 0, 2)
 
     products = materialise([product(a, b) for a, b in hessians])
-    every = materialise(jnp.concatenate(products, axis=2).reshape(-1, half * len(products)))
-    n = upper[0, 0].shape[0]
-    return [every[i * n + j] for i, j in pair_blocks(ndim)]
+    every = materialise(jnp.concatenate(products, axis=2))
+    ends = np.concatenate([[0], np.cumsum(block_sizes("fairing", ndim))])
+
+    def block(p: int, q: int) -> Float[Array, "entries pairs_half"]:
+        part = every[ends[p] : ends[p + 1], ends[q] : ends[q + 1]]
+        return part.reshape(-1, half * len(products))
+
+    return [jnp.concatenate([block(p, q) for p, q in group]) for group in block_pairs(ndim)]
 
 
 def _entry(tensor: dict, a: int, b: int) -> Array:

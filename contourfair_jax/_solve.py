@@ -10,11 +10,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax
-import numpy as np
 import optimistix
 from jaxtyping import Array, Float
 
-from ._energy import LocalEnergy, Tensor, cholesky_factor, pair_blocks
+from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix, materialise
 
 # How often the elimination cuts the matrix to what is left of it: work against compile time.
 PANELS = 4
@@ -38,8 +37,7 @@ class AbstractDirectSolver(AbstractSolver):
 
     def __call__(self, energy, tensor, samples):
         entries, rhs = jax.vmap(energy.normal_equations, in_axes=-1, out_axes=-1)(tensor, samples)
-        n = rhs.shape[0]
-        matrix = jnp.take(entries, _positions(energy.ndim, n), axis=0)
+        matrix = materialise(full_matrix(materialise(entries), energy.ndim))
         return jax.lax.custom_linear_solve(
             lambda x: jnp.sum(matrix * x[None], axis=1),
             rhs,
@@ -148,19 +146,11 @@ def _back_substitute(
     return jax.lax.fori_loop(0, w, step, rhs)
 
 
-def _positions(ndim: int, n: int) -> np.ndarray:
-    """Where entry (i, j) of the matrix stands in the packed entries, shape (n, n)."""
-    rows, columns = (np.concatenate(part) for part in zip(*pair_blocks(ndim), strict=True))
-    positions = np.empty((n, n), dtype=np.int32)
-    positions[rows, columns] = positions[columns, rows] = np.arange(len(rows))
-    return positions
-
-
 def solve_small(
     ndim: int, entries: Float[Array, " entries"], rhs: Float[Array, "fairing columns"]
 ) -> Float[Array, "fairing columns"]:
     """Solve one system for many right-hand sides."""
-    matrix = entries[_positions(ndim, rhs.shape[0])]
+    matrix = full_matrix(entries[:, None], ndim)[:, :, 0]
 
     def solve(_, columns: Array) -> Array:
         work = jnp.concatenate([matrix, columns], axis=1)

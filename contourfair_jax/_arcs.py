@@ -7,6 +7,7 @@ strip, which do not interleave because the arcs do not cross: so chords do not c
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -128,7 +129,7 @@ def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces) -> Ar
         else:
             used[row] = (pieces.low < b) & (b < pieces.high)
             solved = np.flatnonzero(used[row])
-        section = np.einsum("b,abn->an", bernstein(3, np.array(b)), cells.points)
+        section = np.einsum("b,abn->an", _weights(strips)[row], cells.points)
         along[0, row, solved] = cubic_root(
             section.take(pieces.leaf[solved], -1), pieces.value[solved]
         )
@@ -151,6 +152,12 @@ def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces) -> Ar
         ends=along[:, [0, -1]].transpose(1, 2, 0),
         edges=_edges(cells, turned, pieces),
     )
+
+
+@cache
+def _weights(strips: int) -> np.ndarray:
+    """Bernstein polynomials at the borders of the strips."""
+    return bernstein(3, np.arange(strips + 1) / strips)
 
 
 def _edges(cells: Cells, turned: np.ndarray, pieces: _Pieces) -> np.ndarray:

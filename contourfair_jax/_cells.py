@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Cells looked at in one go: their arrays stay in the caches of the processor.
-BATCH = 1 << 17
+# Cells of the grid looked at in one go, and those with a level subdivided in one go: what is worked
+# on stays in the caches of the processor.
+_SCANNED = 1 << 17
+BATCH = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,10 @@ class Cells:
 
     def take(self, chosen: np.ndarray) -> "Cells":
         """Those with the given indices, or where a mask is true."""
-        points = np.compress(chosen, self.points, -1) if chosen.dtype == bool else None
-        if points is None:
-            points = np.take(self.points, chosen, -1)
-        first, last = self.first[chosen], self.last[chosen]
-        return Cells(points, self.corner[:, chosen], self.depth, first, last)
+        if chosen.dtype == bool:
+            chosen = np.flatnonzero(chosen)
+        points, corner = self.points.take(chosen, -1), self.corner.take(chosen, -1)
+        return Cells(points, corner, self.depth, self.first[chosen], self.last[chosen])
 
 
 def level_ranges(
@@ -65,21 +66,32 @@ def level_ranges(
 def grid_cells(net: np.ndarray, levels: np.ndarray) -> Iterator[Cells]:
     """The cells of a control net that may hold one of the sorted levels, batch by batch."""
     rows, columns = ((points - 1) // 3 for points in net.shape)
-    step = max(1, BATCH // columns)
+    step = max(1, _SCANNED // columns)
     for start in range(0, rows, step):
         part = net[3 * start : 3 * min(start + step, rows) + 1]
         first, last = level_ranges(_extreme(part, np.minimum), _extreme(part, np.maximum), levels)
         i, j = np.nonzero(last > first)
-        if not len(i):
-            continue
-        points = np.empty((4, 4, len(i)))
-        lowest = 3 * i * part.shape[1] + 3 * j
-        flat = part.reshape(-1)
-        for a in range(4):
-            for b in range(4):
-                points[a, b] = flat[lowest + (a * part.shape[1] + b)]
-        corner = np.stack([i + start, j])
-        yield Cells(points, corner, 0, first[i, j], last[i, j])
+        corners = np.stack([i + start, j])
+        for begin in range(0, len(i), BATCH):
+            corner = corners[:, begin : begin + BATCH]
+            at = corner[0] - start, corner[1]
+            yield Cells(_gather(part, *at), corner, 0, first[at], last[at])
+
+
+def _gather(net: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """The 4 x 4 points of cells (i, j), float64, the cells last."""
+    points = np.empty((4, 4, len(i)))
+    lowest = 3 * i * net.shape[1] + 3 * j
+    flat = net.reshape(-1)
+    for a in range(4):
+        for b in range(4):
+            points[a, b] = flat[lowest + (a * net.shape[1] + b)]
+    return points
+
+
+def cells_with_values(net: np.ndarray) -> np.ndarray:
+    """Which cells of a control net have finite points only."""
+    return np.isfinite(_extreme(net, np.minimum)) & np.isfinite(_extreme(net, np.maximum))
 
 
 def _extreme(net: np.ndarray, reduce: np.ufunc) -> np.ndarray:
@@ -107,12 +119,12 @@ def quarters(cells: Cells, levels: np.ndarray) -> Cells:
     parts = []
     for a, half in enumerate(halves(cells.points)):
         for b, quarter in enumerate(halves(half.swapaxes(0, 1))):
-            points = quarter.swapaxes(0, 1)
-            first, last = level_ranges(points.min((0, 1)), points.max((0, 1)), levels)
+            flat = quarter.reshape(16, -1)
+            first, last = level_ranges(flat.min(0), flat.max(0), levels)
             kept = np.flatnonzero(last > first)
             corner = 2 * cells.corner[:, kept] + np.array([[a], [b]])
-            part = points[..., kept], corner, first[kept], last[kept]
-            parts.append(part)
+            points = quarter.swapaxes(0, 1).take(kept, -1)
+            parts.append((points, corner, first[kept], last[kept]))
     points, corner, first, last = (
         np.concatenate(arrays, -1) for arrays in zip(*parts, strict=True)
     )

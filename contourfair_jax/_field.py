@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from . import _check
 from ._bezier import cell_extreme, gather_cells, jet, refine_axis
 from ._method import FitReport
 
 if TYPE_CHECKING:
-    from .contours import Contours
+    from .contours import Band, Contours, Levels
 
 OUTSIDE = ("nan", "clamp", "extend")
 
@@ -177,11 +177,17 @@ class BezierField(eqx.Module):
         upper = cell_extreme(self.control_points, jnp.maximum)
         return lower, upper
 
-    def contours(self, levels: ArrayLike, tolerance: float = 0.01) -> "Contours":
+    def contours(self, levels: "Levels", tolerance: float = 0.01) -> "Contours":
         """Contour lines of a 2-D field; see `contourfair_jax.contours.contours`."""
         from .contours import contours
 
         return contours(self, levels, tolerance)
+
+    def filled(self, levels: "Levels", tolerance: float = 0.01) -> "list[Band]":
+        """Polygons between levels of a 2-D field; see `contourfair_jax.contours.filled`."""
+        from .contours import filled
+
+        return filled(self, levels, tolerance)
 
     def to_bspline(self) -> tuple[tuple[Float[Array, " knots"], ...], Float[Array, "*twice"]]:
         """The same field as a cubic B-spline with double knots.

@@ -6,6 +6,7 @@ so what is compared is the straight line that the edge is part of, and the rank 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,18 +17,12 @@ from ._subdivide import MAX_DEPTH, level_numbers
 _RANKS = 1 << 10
 
 
-def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> tuple:
-    """Lines of all levels, in units of cells.
+@dataclass(frozen=True)
+class Lines:
+    """Lines of all levels, sorted by level, in units of cells; larger values on their left.
 
     Parameters
     ----------
-    found : sequence of Arcs
-    n_levels : int
-    shape : tuple of int
-        Cells of the grid along each axis.
-
-    Returns
-    -------
     points : array, shape (n, 2)
         The vertices of all lines, one line after the other; the first vertex of a loop is repeated
         as its last.
@@ -35,7 +30,35 @@ def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> tuple:
         Line k is `points[bounds[k] : bounds[k + 1]]`.
     level : array of int, shape (lines,)
     closed : array of bool, shape (lines,)
+    edges : array of int, shape (2, 4, lines)
+        Where lines that are not closed start and stop, as in `Arcs`.
     """
+
+    points: np.ndarray
+    bounds: np.ndarray
+    level: np.ndarray
+    closed: np.ndarray
+    edges: np.ndarray
+
+    def pieces(self) -> list[np.ndarray]:
+        """The vertices of each line."""
+        return np.split(self.points, self.bounds[1:-1]) if len(self.level) else []
+
+
+def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> Lines:
+    """Join arcs to lines.
+
+    Parameters
+    ----------
+    found : sequence of Arcs
+    n_levels : int
+    shape : tuple of int
+        Cells of the grid along each axis.
+    """
+    if not found:
+        none = np.empty(0, int)
+        loops = none.astype(bool)
+        return Lines(np.empty((0, 2)), np.zeros(1, int), none, loops, np.empty((2, 4, 0), int))
     level = np.concatenate([part.level for part in found])
     count = np.concatenate([part.count for part in found])
     points = np.concatenate([part.points for part in found])
@@ -43,8 +66,8 @@ def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> tuple:
     edges = np.concatenate([part.edges for part in found], axis=-1)
     codes = _codes(level, edges, n_levels, shape)
     starts, stops = (_ranked(codes[k], edges[k, 0], ends[k]) for k in (0, 1))
-    follows = _matches(starts, stops)
-    head, rank, closed = _chains(follows)
+    follows = _matches(*starts, *stops)
+    head, rank, closed = chains(follows)
     heads = np.flatnonzero(rank == 0)
     heads = heads[np.argsort(level[heads], kind="stable")]
     number = np.empty(len(level), int)
@@ -58,7 +81,9 @@ def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> tuple:
     final = np.where(closed[heads, None], ends[0, heads], ends[1, order[last]])
     joined = np.insert(joined, bounds[1:], final, axis=0)
     bounds = bounds + np.arange(len(bounds))
-    return (*_without_repeats(joined, bounds), level[heads], closed[heads])
+    points, bounds = _without_repeats(joined, bounds)
+    outer = np.stack([edges[0][:, heads], edges[1][:, order[last]]])
+    return Lines(points, bounds, level[heads], closed[heads], outer)
 
 
 def _codes(level: np.ndarray, edges: np.ndarray, n_levels: int, shape: tuple) -> np.ndarray:
@@ -74,32 +99,33 @@ def _codes(level: np.ndarray, edges: np.ndarray, n_levels: int, shape: tuple) ->
     return (((level * 2 + axis) * values + value) * most + cell) * 2 + up
 
 
-def _ranked(code: np.ndarray, axis: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """The codes with the rank of each among equal ones along the line added."""
-    along = np.where(axis == 0, at[:, 1], at[:, 0])
-    order = np.argsort(code, kind="stable")
+def _ranked(code: np.ndarray, axis: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The order of the codes along the lines, and in this order each with its rank among equals."""
+    order = np.argsort(code)
     ordered = code[order]
     equal = np.flatnonzero(ordered[1:] == ordered[:-1])
     tied = np.union1d(equal, equal + 1)
     chosen = order[tied]
-    chosen = chosen[np.lexsort((along[chosen], code[chosen]))]
-    ranked = code * _RANKS
-    tied_codes = code[chosen]
-    first = np.flatnonzero(np.diff(tied_codes, prepend=-1))
-    length = np.diff(first, append=len(chosen))
-    ranked[chosen] += np.arange(len(chosen)) - np.repeat(first, length)
-    return ranked
+    along = np.where(axis[chosen] == 0, at[chosen, 1], at[chosen, 0])
+    order[tied] = chosen[np.lexsort((along, ordered[tied]))]
+    first = np.flatnonzero(np.diff(ordered[tied], prepend=-1))
+    length = np.diff(first, append=len(tied))
+    ordered *= _RANKS
+    ordered[tied] += np.arange(len(tied)) - np.repeat(first, length)
+    return order, ordered
 
 
-def _matches(starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
-    """For every arc the one that starts where it stops, or -1."""
-    order = np.argsort(starts)
-    place = np.minimum(np.searchsorted(starts, stops, sorter=order), len(starts) - 1)
-    found = order[place]
-    return np.where(starts[found] == stops, found, -1)
+def _matches(
+    start_order: np.ndarray, starts: np.ndarray, stop_order: np.ndarray, stops: np.ndarray
+) -> np.ndarray:
+    """For every arc the one that starts where it stops, or -1; codes are sorted."""
+    place = np.minimum(np.searchsorted(starts, stops), len(starts) - 1)
+    follows = np.empty(len(starts), int)
+    follows[stop_order] = np.where(starts[place] == stops, start_order[place], -1)
+    return follows
 
 
-def _chains(follows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def chains(follows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First arc of the chain of every arc, its rank in it, and whether the chain is a loop."""
     n = len(follows)
     before = np.full(n, -1)

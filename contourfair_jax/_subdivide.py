@@ -53,17 +53,19 @@ def leaves(cells: Cells, levels: np.ndarray, tolerance: float) -> Iterator[Leave
     """Subdivide `cells` until proved and within `tolerance` (in cells of the grid)."""
     while len(cells):
         swapped, strips = _strips(cells, tolerance)
-        cells = _transposed(cells, swapped)
-        proved = strips > 0
-        proved[proved] = _edges_crossed_once(cells.take(proved), levels)
         last = cells.depth == MAX_DEPTH
-        done = np.full_like(proved, True) if last else proved & (strips <= MAX_STRIPS)
+        ready = np.flatnonzero(((strips > 0) & (strips <= MAX_STRIPS)) | last)
+        swapped, strips = swapped[ready], strips[ready]
+        turned = _transposed(cells.take(ready), swapped)
+        proved = (strips > 0) & _edges_crossed_once(turned, levels)
         strips = np.clip(strips, 1, MAX_STRIPS)
-        yield Leaves(cells.take(done), swapped[done], strips[done], proved[done])
-        rest = _transposed(cells.take(~done), swapped[~done])
-        cells = rest if last or not len(rest) else quarters(rest, levels)
-        if last:
-            return
+        done = np.full_like(proved, True) if last else proved
+        yield Leaves(turned.take(done), swapped[done], strips[done], proved[done])
+        rest = np.full(len(cells), True)
+        rest[ready[done]] = False
+        cells = cells.take(rest)
+        if len(cells):
+            cells = quarters(cells, levels)
 
 
 def _transposed(cells: Cells, swapped: np.ndarray) -> Cells:

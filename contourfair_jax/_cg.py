@@ -1,11 +1,11 @@
-"""Preconditioned conjugate gradients, and the block preconditioner of the global solve."""
+"""Preconditioned conjugate gradients."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 
 class Solution(NamedTuple):
@@ -57,24 +57,3 @@ def conjugate_gradients(
     x, _, _, squared, steps = jax.lax.while_loop(unfinished, advance, state)
     relative = jnp.sqrt(squared / jnp.where(size == 0, 1, size))
     return Solution(x, steps, relative)
-
-
-def block_preconditioner(
-    blocks: Float[Array, "n n vertices"], free: Bool[Array, "n vertices"]
-) -> Callable[[Array], Array]:
-    """Product with the inverse of every vertex's block, restricted to what is free."""
-    n = len(blocks)
-    unit = jnp.eye(n, dtype=blocks.dtype)[:, :, None]
-    both = free[:, None] & free[None]
-    work = jnp.where(both, blocks, 0) + jnp.where(free[None], 0, unit)
-    work = jnp.concatenate([work, jnp.broadcast_to(unit, work.shape)], axis=1)
-
-    def pivot(k: Array, work: Array) -> Array:
-        row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
-        column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
-        row = row / jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)[None]
-        cleared = work - column[:, None] * row[None]
-        return jax.lax.dynamic_update_index_in_dim(cleared, row, k, axis=0)
-
-    inverse = jax.lax.fori_loop(0, n, pivot, work)[:, n:]
-    return lambda x: jnp.where(free, jnp.sum(inverse * x[None], axis=1), 0)

@@ -11,9 +11,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from ._energy import derivatives
+from ._energy import derivatives, materialise
 from ._hermite import corner_shifts, gather_corners, gram, scatter_corners
 
 # Memory for the products of all matrices with the cells that are worked on together.
@@ -34,12 +34,30 @@ class CellForm(eqx.Module):
 
         def chunk(item: tuple[Array, Array]) -> Array:
             weights, cells = item
-            products = self._products(cells)
-            terms = [products[g] * weights[g][None] for g in range(len(weights))]
-            return sum(terms[1:], start=terms[0])
+            return self._weighted(weights, cells)
 
         cells = gather_corners(dofs, self.shape)
         return scatter_corners(self._chunked(chunk, weights, cells), self.shape)
+
+    def apply_in_place(self, weights: Weights, dofs: Dofs) -> Dofs:
+        """`apply` with less memory and time, for use where it is not differentiated."""
+        shifts, columns, size = corner_shifts(self.shape), dofs.shape[1], self._chunk_size()
+        padding = -columns % size
+        weights = jnp.pad(weights, ((0, 0), (0, padding)))
+        dofs = jnp.pad(dofs, ((0, 0), (0, padding + shifts[-1])))
+
+        def add(result: Array, start: Array) -> tuple[Array, None]:
+            cells = [_columns(dofs, start + s, size) for s in shifts]
+            forces = self._weighted(_columns(weights, start, size), jnp.concatenate(cells))
+            forces = materialise(forces)
+            for s, force in zip(shifts, jnp.split(forces, len(shifts)), strict=True):
+                total = _columns(result, start + s, size) + force
+                result = jax.lax.dynamic_update_slice_in_dim(result, total, start + s, axis=1)
+            return result, None
+
+        starts = jnp.arange(0, columns, size)
+        result, _ = jax.lax.scan(add, jnp.zeros_like(dofs), starts)
+        return result[:, :columns]
 
     def densities(self, dofs: Dofs) -> Weights:
         """u(v)^T K_g u(v) for every cell and group."""
@@ -50,40 +68,83 @@ class CellForm(eqx.Module):
 
         return self._chunked(chunk, gather_corners(dofs, self.shape))
 
-    def vertex_blocks(self, weights: Weights) -> Float[Array, "twos twos vertices"]:
-        """The diagonal block of every vertex, of the matrix of E."""
+    def inverse_blocks(
+        self, weights: Weights, free: Bool[Array, "twos vertices"]
+    ) -> Float[Array, "twos twos vertices"]:
+        """Inverse of every vertex's diagonal block of the matrix, zero where not `free`."""
         twos = 2 ** len(self.shape)
+        shifts, columns = corner_shifts(self.shape), weights.shape[1]
         corner = np.arange(twos)
         blocks = self.matrices.reshape(-1, twos, twos, twos, twos)[:, corner, :, corner, :]
-        table = blocks.reshape(-1, twos * twos)  # corner and group down, block entries across
-        shifts, columns = corner_shifts(self.shape), weights.shape[1]
-        padded = jnp.pad(weights, ((0, 0), (shifts[-1], 0)))
-        shifted = jnp.concatenate(
-            [
-                jax.lax.slice_in_dim(padded, shifts[-1] - s, shifts[-1] - s + columns, axis=1)
-                for s in shifts
-            ]
-        )
-        return jnp.matmul(table.T, shifted, precision="highest").reshape(twos, twos, columns)
+        table = blocks.reshape(-1, twos * twos).T  # block entries down, corner and group across
+        last, size = shifts[-1], self._chunk_size()
+        weights = jnp.pad(weights, ((0, 0), (last, -columns % size)))
+        free = jnp.pad(free, ((0, 0), (0, -columns % size)))
+
+        def chunk(start: Array) -> Array:
+            cells = jnp.concatenate([_columns(weights, start + last - s, size) for s in shifts])
+            block = jnp.matmul(table, cells, precision="highest").reshape(twos, twos, size)
+            return _invert(materialise(block), _columns(free, start, size))
+
+        inverses = jax.lax.map(chunk, jnp.arange(0, columns, size))
+        return jnp.moveaxis(inverses, 0, 2).reshape(twos, twos, -1)[:, :, :columns]
+
+    def _weighted(
+        self, weights: Float[Array, "groups chunk"], cells: Float[Array, "fours chunk"]
+    ) -> Float[Array, "fours chunk"]:
+        """sum_g w_g K_g u of every cell."""
+        products = self._products(cells)
+        terms = [products[g] * weights[g][None] for g in range(len(weights))]
+        return sum(terms[1:], start=terms[0])
 
     def _products(self, cells: Float[Array, "fours chunk"]) -> Float[Array, "groups fours chunk"]:
         groups, fours, _ = self.matrices.shape
         flat = jnp.matmul(self.matrices.reshape(-1, fours), cells, precision="highest")
         return flat.reshape(groups, fours, -1)
 
+    def _chunk_size(self) -> int:
+        """Cells in a chunk: as many as fit the memory set aside."""
+        groups, fours, _ = self.matrices.shape
+        columns = int(np.prod(self.shape))
+        parts = -(-columns * groups * fours * self.matrices.dtype.itemsize // CHUNK_BYTES)
+        return -(-columns // parts)
+
     def _chunked(self, function, *arrays: Array) -> Array:
         """Map a function over chunks of columns of the arrays."""
-        columns = arrays[0].shape[1]
-        per_column = self.matrices.shape[0] * self.matrices.shape[1] * self.matrices.dtype.itemsize
-        parts = -(-columns // max(1, CHUNK_BYTES // per_column))
-        size = -(-columns // parts)
+        columns, size = arrays[0].shape[1], self._chunk_size()
+        padding = -columns % size
 
         def split(array: Array) -> Array:
-            padded = jnp.pad(array, ((0, 0), (0, parts * size - columns)))
-            return jnp.moveaxis(padded.reshape(len(array), parts, size), 1, 0)
+            padded = jnp.pad(array, ((0, 0), (0, padding)))
+            return jnp.moveaxis(padded.reshape(len(array), -1, size), 1, 0)
 
         results = jax.lax.map(jax.checkpoint(function), tuple(split(array) for array in arrays))
         return jnp.moveaxis(results, 0, 1).reshape(results.shape[1], -1)[:, :columns]
+
+
+def _columns(array: Array, start: Array, size: int) -> Array:
+    return jax.lax.dynamic_slice_in_dim(array, start, size, axis=1)
+
+
+def _invert(
+    blocks: Float[Array, "n n chunk"], free: Bool[Array, "n chunk"]
+) -> Float[Array, "n n chunk"]:
+    """Inverses of symmetric positive definite blocks, restricted to what is free."""
+    n = len(blocks)
+    both = free[:, None] & free[None]
+    unit = jnp.broadcast_to(jnp.eye(n, dtype=blocks.dtype)[:, :, None], blocks.shape)
+    # Columns that pad the last chunk have blocks of zeros; they count as not free.
+    blocks = jnp.where(both & (blocks[0, 0] > 0)[None, None], blocks, unit)
+    work = materialise(jnp.concatenate([blocks, unit], axis=1))
+
+    def pivot(k: Array, work: Array) -> Array:
+        row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
+        column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
+        row = materialise(row / jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)[None])
+        cleared = work - column[:, None] * row[None]
+        return jax.lax.dynamic_update_index_in_dim(cleared, row, k, axis=0)
+
+    return jnp.where(both, jax.lax.fori_loop(0, n, pivot, work)[:, n:], 0)
 
 
 def energy_form(spacing: Float[Array, " ndim"], shape: tuple[int, ...]) -> CellForm:

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from . import _check
-from ._cg import Solution, block_preconditioner, conjugate_gradients
+from ._cg import Solution, conjugate_gradients
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cell_mask, cells_to_row, row_to_cells, to_net
 from ._merge import set_samples
@@ -132,16 +132,20 @@ class GlobalFairing(AbstractFairing):
         Differentiated as a linear solve: its derivatives are solves with the same matrix, whatever
         the number of steps.
         """
-        constant = jax.lax.stop_gradient((weights, guess - start))
-        precondition = block_preconditioner(form.vertex_blocks(constant[0]), free)
+        frozen, near = jax.lax.stop_gradient((weights, jnp.where(free, guess - start, 0)))
+        inverse = jax.lax.stop_gradient(form).inverse_blocks(frozen, free)
 
         def apply(x: Array) -> Array:
             return jnp.where(free, form.apply(weights, x), 0)
 
-        def solve(matvec, rhs: Array) -> tuple[Array, tuple[Array, Array]]:
-            first = jnp.where(free, constant[1], 0)
+        def solve(_, rhs: Array) -> tuple[Array, tuple[Array, Array]]:
             solution = conjugate_gradients(
-                matvec, rhs, first, precondition, self.tolerance, self.max_steps
+                lambda x: jnp.where(free, jax.lax.stop_gradient(form).apply_in_place(frozen, x), 0),
+                rhs,
+                near,
+                lambda x: jnp.sum(inverse * x[None], axis=1),
+                self.tolerance,
+                self.max_steps,
             )
             return solution.value, (solution.steps, solution.residual)
 

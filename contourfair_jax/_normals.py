@@ -5,11 +5,11 @@ power `N = J^p / tr(J^p)` is n n^T where neighbouring level sets agree on their 
 at corners, blobs and flat places.  No eigenvectors, so it has derivatives everywhere.
 """
 
+import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ._energy import FLAT
+from ._energy import FLAT, materialise
 
 # Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
 REACH = 6
@@ -24,12 +24,12 @@ def coherent_normals(
 ) -> CellTensor:
     """N of every cell from the structure tensors of a field with values of spread about 1."""
     ndim = max(structure)[0] + 1
-    smoothed = {axes: smooth(entry, coherence) for axes, entry in structure.items()}
+    smoothed = {axes: materialise(smooth(entry, coherence)) for axes, entry in structure.items()}
     trace = sum(smoothed[axis, axis] for axis in range(ndim)) + FLAT**2
-    direction = {axes: entry / trace for axes, entry in smoothed.items()}
+    direction = materialise({axes: entry / trace for axes, entry in smoothed.items()})
     power = direction
     for _ in range(sharpness - 1):
-        power = _multiply(power, direction, ndim)
+        power = materialise(_multiply(power, direction, ndim))
     total = sum(power[axis, axis] for axis in range(ndim)) + FLAT**2 / trace
     return {axes: entry / total for axes, entry in power.items()}
 
@@ -37,19 +37,19 @@ def coherent_normals(
 def smooth(
     values: Float[Array, "*cells"], width: float | Float[Array, ""]
 ) -> Float[Array, "*cells"]:
-    """Gaussian average over cells with standard deviation `width`, mirrored at the border.
-
-    Along each axis it is a product with a banded matrix.
-    """
+    """Gaussian average over cells with standard deviation `width`, mirrored at the border."""
     width = jnp.maximum(jnp.asarray(width, values.dtype), 0.05)
     for axis, size in enumerate(values.shape):
         offsets = jnp.arange(-REACH, REACH + 1, dtype=values.dtype)
         weights = jnp.exp(-0.5 * (offsets / width) ** 2)
         weights = weights / jnp.sum(weights)
-        source = np.pad(np.arange(size), REACH, mode="symmetric")
-        values = jnp.moveaxis(values, axis, 0)
-        parts = [weights[k] * values[source[k : k + size]] for k in range(2 * REACH + 1)]
-        values = jnp.moveaxis(sum(parts[1:], start=parts[0]), 0, axis)
+        padding = [(REACH, REACH) if k == axis else (0, 0) for k in range(values.ndim)]
+        padded = materialise(jnp.pad(values, padding, mode="symmetric"))
+        parts = [
+            weights[k] * jax.lax.slice_in_dim(padded, k, k + size, axis=axis)
+            for k in range(2 * REACH + 1)
+        ]
+        values = sum(parts[1:], start=parts[0])
     return values
 
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from ._solve import AbstractSolver as AbstractSolver
     from ._solve import Cholesky as Cholesky
     from ._solve import LeastSquares as LeastSquares
+    from ._tune import cross_validation_error as cross_validation_error
+    from ._tune import tune as tune
 
 __version__ = "0.1.0"
 
@@ -27,7 +29,9 @@ _MODULE_OF = {
     "LU": "_solve",
     "LeastSquares": "_solve",
     "LocalFairing": "_local",
+    "cross_validation_error": "_tune",
     "fair_field": "_fair",
+    "tune": "_tune",
 }
 
 __all__ = [
@@ -39,7 +43,9 @@ __all__ = [
     "GlobalFairing",
     "LeastSquares",
     "LocalFairing",
+    "cross_validation_error",
     "fair_field",
+    "tune",
 ]
 
 

@@ -145,6 +145,25 @@ def check_real(
         raise ValueError(f"{name} must be a real number {limits}, got {_describe(value)}")
 
 
+def check_positive(value: object, name: str) -> None:
+    """Raise ValueError unless `value` is None, traced, or real numbers above zero."""
+    if value is None or isinstance(value, jax.core.Tracer) or _is_placeholder(value):
+        return
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)) or not np.all(array > 0):
+        raise ValueError(f"{name} must hold finite numbers above zero, got {_describe(value)}")
+
+
+def check_shape(value: object, shape: tuple, name: str, *, scalar: bool = False) -> None:
+    """Raise ValueError unless `value` is None or has `shape`, or none where `scalar` is allowed."""
+    if value is None:
+        return
+    came = np.shape(value)  # type: ignore[arg-type]
+    if came != shape and not (scalar and came == ()):
+        what = f"a scalar or of shape {shape}" if scalar else f"of shape {shape}"
+        raise ValueError(f"{name} must be {what} for these values, got shape {came}")
+
+
 def _is_placeholder(value: object) -> bool:
     """True for what tree transformations put in the place of a leaf."""
     return value is None or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array)

@@ -69,9 +69,15 @@ class CellForm(eqx.Module):
         return self._chunked(chunk, gather_corners(dofs, self.shape))
 
     def inverse_blocks(
-        self, weights: Weights, free: Bool[Array, "twos vertices"]
+        self,
+        weights: Weights,
+        pins: Float[Array, " vertices"],
+        free: Bool[Array, "twos vertices"],
     ) -> Float[Array, "twos twos vertices"]:
-        """Inverse of every vertex's diagonal block of the matrix, zero where not `free`."""
+        """Inverse of every vertex's diagonal block of the matrix, zero where not `free`.
+
+        `pins` is added to the diagonal for the values.
+        """
         twos = 2 ** len(self.shape)
         shifts, columns = corner_shifts(self.shape), weights.shape[1]
         corner = np.arange(twos)
@@ -80,10 +86,12 @@ class CellForm(eqx.Module):
         last, size = shifts[-1], self._chunk_size()
         weights = jnp.pad(weights, ((0, 0), (last, -columns % size)))
         free = jnp.pad(free, ((0, 0), (0, -columns % size)))
+        pins = jnp.pad(pins, (0, -columns % size))[None]
 
         def chunk(start: Array) -> Array:
             cells = jnp.concatenate([_columns(weights, start + last - s, size) for s in shifts])
             block = jnp.matmul(table, cells, precision="highest").reshape(twos, twos, size)
+            block = block.at[0, 0].add(_columns(pins, start, size)[0])
             return _invert(materialise(block), _columns(free, start, size))
 
         inverses = jax.lax.map(chunk, jnp.arange(0, columns, size))

@@ -20,8 +20,10 @@ from jaxtyping import Array, Bool, Float
 
 from . import _check
 from ._cg import Solution, conjugate_gradients
+from ._energy import FLAT
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cell_mask, cells_to_row, row_to_cells, to_net
+from ._limit import limit_slopes
 from ._merge import set_samples
 from ._method import AbstractFairing, FitReport
 from ._normals import LARGEST_COHERENCE, coherent_normals
@@ -49,6 +51,15 @@ class GlobalFairing(AbstractFairing):
         Power p of the normal tensor, `N = J^p / tr(J^p)`: larger trusts the main direction more.
     tension : float
         Weight of `|g|^2 / h^2` in the energy, with h the smallest spacing.
+    sigma : float or array, shape (n_1, ..., n_d), or None
+        Standard deviation of the noise of the samples, in their units.  The field then meets the
+        samples within the noise, `mean(((f - a) / sigma)^2) = 1`, instead of exactly.  For data
+        rounded to multiples of s it is `s / sqrt(12)`.
+    cell_weights : array, shape (n_1 - 1, ..., n_d - 1), or None
+        Weight of the energy in every cell, above zero.
+    limit : bool
+        Remove overshoot: every cell stays between the smallest and the largest of its own
+        samples.  Samples and C1 are kept, fairness is not.
     tolerance : float
         Residual of each linear solve, relative to its right-hand side.
     max_steps : int
@@ -76,6 +87,9 @@ class GlobalFairing(AbstractFairing):
     coherence: float | Float[Array, ""] = 1.2
     sharpness: int = eqx.field(static=True, default=1)
     tension: float | Float[Array, ""] = 0.0
+    sigma: float | Float[Array, "*shape"] | None = None
+    cell_weights: Float[Array, "*cells"] | None = None
+    limit: bool = eqx.field(static=True, default=False)
     tolerance: float = eqx.field(static=True, default=1e-4)
     max_steps: int = eqx.field(static=True, default=1000)
 
@@ -85,6 +99,8 @@ class GlobalFairing(AbstractFairing):
         _check.check_real(self.coherence, "coherence", most=LARGEST_COHERENCE)
         _check.check_count(self.sharpness, 1, "sharpness")
         _check.check_real(self.tension, "tension")
+        _check.check_positive(self.sigma, "sigma")
+        _check.check_positive(self.cell_weights, "cell_weights")
         _check.check_real(self.tolerance, "tolerance", open_below=True)
         _check.check_count(self.max_steps, 1, "max_steps")
 
@@ -94,23 +110,41 @@ class GlobalFairing(AbstractFairing):
         missing = jnp.isnan(values)
         scaled, centre, spread = _normalise(values, missing)
         start = jnp.zeros((2**ndim, values.size), values.dtype).at[0].set(scaled.ravel())
-        free = jnp.ones(start.shape, dtype=bool).at[0].set(missing.ravel())
+        exact = ~missing if self.sigma is None else jnp.zeros_like(missing)
+        free = jnp.ones(start.shape, dtype=bool).at[0].set(~exact.ravel())
         forms = energy_form(spacing, shape), structure_form(spacing, shape)
+        trust = self._trust(shape, missing, spread)
 
-        def improve(dofs: Array, weight: Array) -> tuple[Array, tuple]:
+        def improve(state: tuple[Array, Array], weight: Array) -> tuple[tuple, tuple]:
+            dofs, stiffness = state
             weights = self._weights(forms[1], dofs, weight)
-            solution = self._solve(forms[0], weights, start, free, dofs)
+            pins = stiffness * trust
+            solution = self._solve(forms[0], weights, start, free, pins, dofs)
             update = jnp.max(jnp.abs(solution.value - dofs))
-            return solution.value, (update, solution.steps, solution.residual)
+            # Where samples pull hard the mean square goes with stiffness^-2, else it is slower.
+            deviation = jnp.sum(trust * (solution.value[0] - start[0]) ** 2)
+            deviation = deviation / jnp.maximum(jnp.sum(trust > 0, dtype=trust.dtype), 1)
+            stiffness = stiffness * jnp.maximum(deviation, FLAT**2) ** 0.75
+            return (solution.value, stiffness), (update, solution.steps, solution.residual)
 
         weights = jnp.asarray(self.thin_plate_weight, values.dtype)
         weights = jnp.where(jnp.arange(self.iterations + 1) == 0, 1, weights)
-        dofs, (updates, steps, residuals) = jax.lax.scan(improve, start, weights)
+        stiffness = jnp.asarray(1.0, values.dtype) / jnp.maximum(jnp.max(trust), 1)
+        (dofs, _), (updates, steps, residuals) = jax.lax.scan(improve, (start, stiffness), weights)
+        if self.limit:
+            dofs = limit_slopes(dofs, shape)
         net = to_net(dofs, shape) * spread + centre
         fitted = net[(slice(None, None, 3),) * ndim]
-        net = set_samples(net, jnp.where(missing, fitted, values))
+        net = set_samples(net, jnp.where(exact, values, fitted))
         converged = jnp.all(residuals <= self.tolerance)
         return net, FitReport(converged, updates, steps, residuals, missing)
+
+    def _trust(self, shape: tuple[int, ...], missing: Array, spread: Array) -> Array:
+        """1 / sigma^2 of every sample in units of the spread; zero where nothing is known."""
+        if self.sigma is None:
+            return jnp.zeros(missing.size, spread.dtype)
+        sigma = jnp.broadcast_to(jnp.asarray(self.sigma, spread.dtype), shape) / spread
+        return jnp.where(missing, 0, 1 / sigma**2).ravel()
 
     def _weights(self, form: CellForm, dofs: Array, weight: Array) -> Float[Array, "groups v"]:
         """Weights of the energy: M_ab = delta_ab - (1 - w) N_ab of every cell, and tension."""
@@ -122,25 +156,41 @@ class GlobalFairing(AbstractFairing):
         normals = coherent_normals(structure, self.coherence, self.sharpness)
         tensor = [(1.0 if a == b else 0.0) - (1 - weight) * normals[a, b] for a, b in axes]
         mask = jnp.asarray(cell_mask(form.shape), dofs.dtype)
-        return jnp.stack([*map(cells_to_row, tensor), self.tension * mask])
+        weights = jnp.stack([*map(cells_to_row, tensor), self.tension * mask])
+        if self.cell_weights is None:
+            return weights
+        return weights * cells_to_row(jnp.asarray(self.cell_weights, dofs.dtype))[None]
 
     def _solve(
-        self, form: CellForm, weights: Array, start: Array, free: Bool[Array, "..."], guess: Array
+        self,
+        form: CellForm,
+        weights: Array,
+        start: Array,
+        free: Bool[Array, "twos vertices"],
+        pins: Float[Array, " vertices"],
+        guess: Array,
     ) -> Solution:
         """Least energy over what is free, the rest as in `start`.
+
+        `pins` are springs that hold the values to those of `start`.
 
         Differentiated as a linear solve: its derivatives are solves with the same matrix, whatever
         the number of steps.
         """
-        frozen, near = jax.lax.stop_gradient((weights, jnp.where(free, guess - start, 0)))
-        inverse = jax.lax.stop_gradient(form).inverse_blocks(frozen, free)
+        frozen = jax.lax.stop_gradient((form, weights, pins))
+        near = jax.lax.stop_gradient(jnp.where(free, guess - start, 0))
+        inverse = frozen[0].inverse_blocks(*frozen[1:], free)
 
         def apply(x: Array) -> Array:
-            return jnp.where(free, form.apply(weights, x), 0)
+            return jnp.where(free, form.apply(weights, x).at[0].add(pins * x[0]), 0)
+
+        def apply_in_place(x: Array) -> Array:
+            image = frozen[0].apply_in_place(frozen[1], x)
+            return jnp.where(free, image.at[0].add(frozen[2] * x[0]), 0)
 
         def solve(_, rhs: Array) -> tuple[Array, tuple[Array, Array]]:
             solution = conjugate_gradients(
-                lambda x: jnp.where(free, jax.lax.stop_gradient(form).apply_in_place(frozen, x), 0),
+                apply_in_place,
                 rhs,
                 near,
                 lambda x: jnp.sum(inverse * x[None], axis=1),
@@ -150,11 +200,18 @@ class GlobalFairing(AbstractFairing):
             return solution.value, (solution.steps, solution.residual)
 
         value, info = jax.lax.custom_linear_solve(
-            apply, -apply(start), solve, symmetric=True, has_aux=True
+            apply,
+            -jnp.where(free, form.apply(weights, start), 0),
+            solve,
+            symmetric=True,
+            has_aux=True,
         )
         return Solution(start + value, *info)
 
     def check_values(self, values):
+        _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)
+        cells = tuple(n - 1 for n in values.shape)
+        _check.check_shape(self.cell_weights, cells, "cell_weights")
         if np.isnan(np.asarray(values)).all():
             raise ValueError(
                 "values must hold at least one sample, got only NaN; there is nothing to fill from"

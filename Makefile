@@ -63,9 +63,10 @@ bench: $(READY) ## Run every benchmark (long) and rewrite the tables of the READ
 tables: $(READY) ## Rewrite the tables of the README from the stored results.
 	$(BIN)/python -m benchmarks tables
 
-figures: $(READY) ## Redraw the stored pictures: the paper's figures and the demo's.
-	$(BIN)/python notebooks/01_paper_figures.py --save notebooks/pictures
-	$(BIN)/python -m contourfair_jax.demo --picture notebooks/pictures/demo.png
+figures: demo ## Redraw the stored pictures: the paper's figures and the demo's.
+	CONTOURFAIR_FIGURES=notebooks/pictures $(BIN)/python notebooks/01_paper_figures.py
+	$(BIN)/python -c "from PIL import Image; Image.open('demo/comparison.png').convert('RGB') \
+		.quantize(128).save('notebooks/pictures/demo.png', optimize=True)"
 
 lock: $(READY) ## Renew the lock file from pyproject.toml.
 	$(BIN)/uv pip compile pyproject.toml --all-extras --group dev --universal --upgrade \

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from ._errors import InputError, one_line
 
+# What a folder that may be replaced holds: the metadata of a Zarr array or group.
+_ZARR = ("zarr.json", ".zgroup", ".zarray")
+
 
 def check_target(path: str | os.PathLike[str]) -> Path:
     """The file that `path` names, links followed; refuses what cannot become a file."""
@@ -17,9 +20,17 @@ def check_target(path: str | os.PathLike[str]) -> Path:
         raise InputError(f"{path}: is a folder; name a file in it")
     if target.exists() and not target.is_file():
         raise InputError(f"{path}: is not a regular file, so it cannot be replaced")
-    if not target.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {target.parent}; make it first")
-    return target
+    return _check_parent(path, target)
+
+
+def check_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder that `path` names, links followed; one that is there must be a Zarr folder."""
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{path}: is a file, so there can be no folder of this name")
+    if target.exists() and not any((target / name).is_file() for name in _ZARR):
+        raise InputError(f"{path}: is a folder of something else, so it is not replaced")
+    return _check_parent(path, target)
 
 
 @contextlib.contextmanager
@@ -29,23 +40,61 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     A file that was there before is untouched until the rename and keeps its permissions.
     """
     target = check_target(path)
-    partial = target.with_name(f".{target.name}.{secrets.token_hex(4)}.partial")
-    try:
+    partial = _beside(target)
+    with _in_one_line(path):
         os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
     try:
-        yield partial
-        if target.exists():
-            shutil.copymode(target, partial)
-        _flush(partial)
-        os.replace(partial, target)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or one_line(error)})") from (
-            error
-        )
+        with _in_one_line(path):
+            yield partial
+            if target.exists():
+                shutil.copymode(target, partial)
+            _flush(partial)
+            os.replace(partial, target)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """The same for a folder; one that was there before is moved aside, and removed at the end."""
+    target = check_folder(path)
+    partial, old = _beside(target), _beside(target)
+    with _in_one_line(path):
+        partial.mkdir()
+    try:
+        with _in_one_line(path):
+            yield partial
+            for each in partial.rglob("*"):
+                if each.is_file():
+                    _flush(each)
+            if target.exists():
+                os.rename(target, old)
+            os.rename(partial, target)
+    finally:
+        if old.exists() and not target.exists():
+            os.rename(old, target)
+        for folder in (partial, old):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _check_parent(path: str | os.PathLike[str], target: Path) -> Path:
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {target.parent}; make it first")
+    return target
+
+
+def _beside(target: Path) -> Path:
+    """A new name in the same folder, with the same suffixes."""
+    return target.with_name(f".{secrets.token_hex(4)}.partial.{target.name}")
+
+
+@contextlib.contextmanager
+def _in_one_line(path: str | os.PathLike[str]) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        said = error.strerror or one_line(error)
+        raise InputError(f"{path}: cannot be written ({said})") from error
 
 
 def _flush(path: Path) -> None:

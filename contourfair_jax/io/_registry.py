@@ -1,58 +1,13 @@
-"""One table of formats; `read` and `write` choose by the suffix of the file's name."""
+"""`read` and `write` choose a format by the suffix of the file's name."""
 
 import os
 import tempfile
-from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from typing import Protocol, cast
 
-from ._atomic import check_target, replacing
+from ._atomic import check_folder, check_target, replacing, replacing_folder
 from ._errors import InputError, one_line
+from ._formats import FORMATS, NAMELESS_FOLDER, Format
 from ._grid import Grid
-
-
-class _Reader(Protocol):
-    def __call__(self, path: Path, key: str | None) -> Grid: ...
-
-
-class _Writer(Protocol):
-    def __call__(self, path: Path, grid: Grid) -> tuple[str, ...]: ...
-
-
-@dataclass(frozen=True)
-class Format:
-    """A file format; its module is imported when a file of it is met.
-
-    Parameters
-    ----------
-    name
-        For messages.
-    suffixes
-        Lower case, with the dot; the longest that fits a file's name decides.
-    module
-        Module of this package with the reader and the writer.
-    reader, writer
-        Names of the functions there; ``""`` where the format is only written or only read.
-    """
-
-    name: str
-    suffixes: tuple[str, ...]
-    module: str
-    reader: str = "read"
-    writer: str = "write"
-
-    def load(self, function: str):
-        """The reader or the writer."""
-        return getattr(import_module(f"{__package__}.{self.module}"), function)
-
-
-FORMATS = (
-    Format("NumPy array", (".npy",), "_npy"),
-    Format("NumPy archive", (".npz",), "_npz"),
-    Format("PNG image", (".png",), "_image", writer="write_png"),
-    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff"),
-)
 
 
 def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
@@ -72,15 +27,15 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
     """
     chosen = _format(path, "reader")
     source = Path(path)
-    if source.is_dir():
-        raise InputError(f"{path}: is a folder, not a file")
     if not source.exists():
         raise InputError(f"{path}: there is no such file")
-    if not source.is_file():
+    if source.is_dir() != chosen.folder:
+        found, wanted = ("file", "folder") if chosen.folder else ("folder", "file")
+        raise InputError(f"{path}: is a {found}, not a {wanted}")
+    if not (chosen.folder or source.is_file()):
         raise InputError(f"{path}: is not a regular file")
-    reader = cast(_Reader, chosen.load(chosen.reader))
     try:
-        return reader(source.absolute(), None if key is None else str(key))
+        return chosen.read(source.absolute(), None if key is None else str(key))
     except InputError as error:
         raise type(error)(f"{path}: {error}") from error
     # A damaged file makes the libraries below raise almost anything.
@@ -104,10 +59,9 @@ def write(path: str | os.PathLike[str], grid: Grid) -> tuple[str, ...]:
         The format cannot hold the grid, or the file cannot be written.
     """
     chosen = _format(path, "writer")
-    writer = cast(_Writer, chosen.load(chosen.writer))
-    with replacing(path) as partial:
+    with (replacing_folder if chosen.folder else replacing)(path) as partial:
         try:
-            return writer(partial, grid)
+            return chosen.write(partial, grid)
         except InputError as error:
             raise type(error)(f"{path}: {error}") from error
 
@@ -119,20 +73,19 @@ def check_writable(path: str | os.PathLike[str], like: Grid | None = None) -> No
     temporary folder, so that a long computation does not end in a format that cannot hold it.
     """
     chosen = _format(path, "writer")
-    check_target(path)
+    (check_folder if chosen.folder else check_target)(path)
     if like is None:
         return
     corner = like.crop([(0, min(2, n)) for n in like.shape])
-    writer = cast(_Writer, chosen.load(chosen.writer))
     with tempfile.TemporaryDirectory() as folder:
         try:
-            writer(Path(folder) / f"probe{chosen.suffixes[0]}", corner)
+            chosen.write(Path(folder) / f"probe{chosen.suffixes[0]}", corner)
         except InputError as error:
             raise type(error)(f"{path}: {error}") from error
 
 
 def _format(path: str | os.PathLike[str], wanted: str) -> Format:
-    name = os.path.basename(os.fspath(path)).lower()
+    name = os.path.basename(os.path.normpath(path)).lower()
     usable = [each for each in FORMATS if getattr(each, wanted)]
     fitting = [
         (len(suffix), each)
@@ -140,6 +93,8 @@ def _format(path: str | os.PathLike[str], wanted: str) -> Format:
         for suffix in each.suffixes
         if name.endswith(suffix) and name != suffix
     ]
+    if not fitting and wanted == "reader" and os.path.isdir(path):
+        return NAMELESS_FOLDER
     if not fitting:
         known = ", ".join(suffix for each in usable for suffix in each.suffixes)
         verb = "read" if wanted == "reader" else "written"

@@ -1,0 +1,112 @@
+"""The table of formats: a format is one row here and one module beside it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from ._errors import MissingPackageError
+from ._grid import Grid
+from ._isolate import read_isolated
+
+
+@dataclass(frozen=True)
+class Outside:
+    """Other packages that read and write a format.
+
+    Parameters
+    ----------
+    extra
+        The extra of this package that brings them.
+    packages
+        The names under which they are imported.
+    """
+
+    extra: str
+    packages: tuple[str, ...]
+
+    def check(self, doing: str) -> None:
+        """Refuse where one of the packages is missing; `doing` starts the message."""
+        absent = [name for name in self.packages if not find_spec(name)]
+        if absent:
+            raise MissingPackageError(
+                f"{doing} needs {', '.join(absent)}: pip install 'contourfair-jax[{self.extra}]'"
+            )
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format; its module is imported when a file of it is met.
+
+    Parameters
+    ----------
+    name
+        For messages.
+    suffixes
+        Lower case, with the dot; the longest that fits a file's name decides.
+    module
+        Module of this package with the reader and the writer.
+    reader, writer
+        Names of the functions there; ``""`` where the format is only written or only read.
+    outside
+        The packages that the module needs; files are then read in a process of their own, because
+        such packages cannot be trusted with damaged files.
+    folder
+        Whether the format is a folder, not a file.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    module: str
+    reader: str = "read"
+    writer: str = "write"
+    outside: Outside | None = None
+    folder: bool = False
+
+    def read(self, path: Path, key: str | None) -> Grid:
+        """Read `path` with this format's reader."""
+        if self.outside is not None:
+            self.outside.check(f"reading {self.name}")
+            return read_isolated(self.module, self.reader, path, key)
+        return self._load(self.reader)(path, key)
+
+    def write(self, path: Path, grid: Grid) -> tuple[str, ...]:
+        """Write `path` with this format's writer."""
+        if self.outside is not None:
+            self.outside.check(f"writing {self.name}")
+        return self._load(self.writer)(path, grid)
+
+    def _load(self, function: str) -> Callable:
+        return getattr(import_module(f"{__package__}.{self.module}"), function)
+
+
+_NETCDF = Outside("netcdf", ("xarray", "h5netcdf", "h5py", "netCDF4", "scipy"))
+_ZARR = Outside("zarr", ("zarr", "xarray"))
+_RASTERIO = Outside("geotiff", ("rasterio",))
+_VTK = Outside("vtk", ("vtkmodules",))
+_NIBABEL, _NRRD, _ITK, _PYDICOM = (
+    Outside("medical", (package,)) for package in ("nibabel", "nrrd", "SimpleITK", "pydicom")
+)
+
+FORMATS = (
+    Format("NumPy array", (".npy",), "_npy"),
+    Format("NumPy archive", (".npz",), "_npz"),
+    Format("PNG image", (".png",), "_image", writer="write_png"),
+    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff"),
+    Format("USGS DEM", (".dem",), "_geotiff", "read_usgs_dem", "", _RASTERIO),
+    Format("ASCII grid", (".asc",), "_geotiff", "read_ascii_grid", "", _RASTERIO),
+    Format("NetCDF", (".nc", ".nc4", ".cdf"), "_netcdf", outside=_NETCDF),
+    Format("Zarr", (".zarr",), "_zarr", outside=_ZARR, folder=True),
+    Format("NIfTI", (".nii", ".nii.gz"), "_nifti", outside=_NIBABEL),
+    Format("NRRD", (".nrrd",), "_nrrd", outside=_NRRD),
+    Format("NRRD header", (".nhdr",), "_nrrd", writer="", outside=_NRRD),
+    Format("MetaImage", (".mha",), "_metaimage", outside=_ITK),
+    Format("MetaImage header", (".mhd",), "_metaimage", writer="", outside=_ITK),
+    Format("DICOM", (".dcm",), "_dicom", writer="", outside=_PYDICOM),
+    Format("VTK image data", (".vti",), "_vtk", outside=_VTK),
+    Format("legacy VTK", (".vtk",), "_vtk", "read_legacy", "write_legacy", _VTK),
+)
+
+# A folder whose name says nothing.
+NAMELESS_FOLDER = Format("DICOM series", (), "_dicom", "read_series", "", _PYDICOM, folder=True)

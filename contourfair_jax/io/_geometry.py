@@ -26,12 +26,14 @@ def affine_from_axes(coordinates: Sequence[np.ndarray], names: Sequence[str]) ->
     ndim = len(coordinates)
     affine = np.eye(ndim + 1)
     for axis, (values, name) in enumerate(zip(coordinates, names, strict=True)):
+        # Neighbours may each be rounded by one unit of their type.
+        grain = np.spacing(np.abs(values).max()) if values.dtype.kind == "f" else 0.0
         values = np.asarray(values, dtype=np.float64)
         step = (values[-1] - values[0]) / (len(values) - 1) if len(values) > 1 else 1.0
         if not np.isfinite(values).all() or step == 0:
             raise InputError(f"coordinate {name!r} must be finite and change along its axis")
         stray = np.abs(values - values[0] - step * np.arange(len(values))).max() / abs(step)
-        if stray > _UNEVEN:
+        if stray > max(_UNEVEN, 2 * float(grain) / abs(step)):
             raise InputError(
                 f"coordinate {name!r} is not evenly spaced (up to {stray:.2g} steps off); "
                 "resample it, or save the array alone as .npy to use sample numbers"

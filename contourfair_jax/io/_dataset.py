@@ -1,0 +1,204 @@
+"""Between `Grid` and xarray's data sets: what NetCDF and Zarr share.
+
+Axes have coordinate variables where they are even; what the conventions for climate and forecast
+data (CF) have no place for (turned axes, a metric spacing) is kept in attributes of the samples.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ._coordinates import affine_of, is_time, ordered
+from ._errors import InputError
+from ._geometry import axes_from_affine, spacing_of
+from ._grid import Grid
+from ._key import describe_axes, index_of, parse_key
+from ._limits import check_memory
+from ._missing import check_dtype, mark_missing, numeric, restore_nodata
+
+# Attributes of the samples that are fields of a grid, or false for other samples or other files.
+_OWN = frozenset(
+    re.split(
+        r",\s*",
+        "index_to_world, sample_spacing, sample_origin, units, grid_mapping, _FillValue, "
+        "missing_value, valid_min, valid_max, valid_range, actual_range, coordinates, bounds, "
+        "cell_measures, ancillary_variables, formula_terms",
+    )
+)
+_AXIS_TEXTS = frozenset(("units", "axis", "standard_name", "long_name", "positive", "calendar"))
+
+
+def grid_from_dataset(data: xr.Dataset, key: str | None) -> Grid:
+    """The variable, or the part of one, that `key` chooses."""
+    name, parts = parse_key(key)
+    array = _choose(data, name)
+    check_dtype(array.dtype)
+    index = index_of(parts, [str(dim) for dim in array.dims], array.shape)
+    array = ordered(array[index])
+    thin = [dim for dim in array.dims if array.sizes[dim] == 1]
+    array = array.isel(dict.fromkeys(thin[: max(array.ndim - 2, 0)], 0))
+    _check_axes(array, set(parts))
+    check_memory(8 * array.size, f"an array of shape {array.shape}")
+    samples = numeric(array.to_numpy())
+    nodata = _nodata(array)
+    values, missing, notes = mark_missing(samples, nodata)
+    affine, more = affine_of(array)
+    packed = {"scale_factor", "add_offset"} & set(array.encoding)
+    source = samples.dtype if packed else np.dtype(array.encoding.get("dtype", samples.dtype))
+    crs, mapping = _crs(data, array)
+    attributes = array.attrs
+    return Grid(
+        values,
+        axes=tuple(str(dim) for dim in array.dims),
+        units=str(attributes.get("units", "")),
+        crs=crs,
+        affine=affine,
+        spacing=_numbers(attributes, "sample_spacing", array.ndim),
+        origin=_numbers(attributes, "sample_origin", array.ndim),
+        nodata=None if packed else nodata,
+        missing=missing,
+        metadata=_metadata(data, array) | mapping,
+        notes=notes + more,
+        source_dtype=source if source.kind in "iuf" else samples.dtype,
+    )
+
+
+def dataset_from_grid(grid: Grid) -> xr.Dataset:
+    """A data set of one variable with its coordinates, attributes and nodata value."""
+    stored, nodata = restore_nodata(grid)
+    own: dict[str, Any] = {}
+    coordinates: list[np.ndarray] | None = None
+    if grid.affine is not None:
+        coordinates = axes_from_affine(grid.affine, grid.shape)
+        if coordinates is None or 1 in grid.shape:
+            own["index_to_world"] = grid.affine.ravel()
+        if not np.allclose(spacing_of(grid.affine), grid.spacing, rtol=1e-9):
+            own["sample_spacing"] = np.array(grid.spacing)
+    elif set(grid.spacing) != {1.0} or any(grid.origin):
+        own |= {"sample_spacing": np.array(grid.spacing), "sample_origin": np.array(grid.origin)}
+    texts = {name.replace("/", "_"): text for name, text in grid.metadata.items()}
+    name = texts.pop("name", "data").replace("/", "_")
+    mapping = texts.pop("grid_mapping", None)
+    title = texts.pop("title", None)
+    along = {axis: _prefixed(texts, f"{axis}:") for axis in grid.axes}
+    if grid.units:
+        texts["units"] = grid.units
+    variable = xr.DataArray(stored, dims=grid.axes, name=name, attrs=texts | own)
+    for axis, values in zip(grid.axes, coordinates or [], strict=coordinates is not None):
+        variable = variable.assign_coords({axis: (axis, values, along[axis])})
+    data = variable.to_dataset()
+    if nodata is not None:
+        data[name].encoding["_FillValue"] = stored.dtype.type(nodata)
+    if grid.crs is not None or mapping is not None:
+        described = json.loads(mapping or "{}")
+        if grid.crs is not None:
+            described |= {"crs_wkt": grid.crs, "spatial_ref": grid.crs}
+        data["crs"] = ((), np.int32(0), described)
+        data[name].encoding["grid_mapping"] = "crs"
+    if title is not None:
+        data.attrs["title"] = title
+    data.attrs["Conventions"] = "CF-1.8"
+    return data
+
+
+def _prefixed(texts: dict[str, str], prefix: str) -> dict[str, str]:
+    """The entries that begin with `prefix`, without it; they are taken out of `texts`."""
+    names = [name for name in texts if name.startswith(prefix)]
+    return {name.removeprefix(prefix): texts.pop(name) for name in names}
+
+
+def _choose(data: xr.Dataset, name: str | None) -> xr.DataArray:
+    fields = {str(each): array for each, array in data.data_vars.items() if array.ndim >= 2}
+    known = ", ".join(f"{each} ({_axes(array)})" for each, array in fields.items())
+    if name is not None:
+        if name not in data.variables:
+            raise InputError(f"holds no variable {name!r}; it has {known or 'none'}")
+        return data[name]
+    numbers = {each: array for each, array in fields.items() if array.dtype.kind in "biuf"}
+    if len(numbers) != 1:
+        raise InputError(f"holds {len(numbers)} fields, choose one with a key: {known or 'none'}")
+    return next(iter(numbers.values()))
+
+
+def _axes(array: xr.DataArray) -> str:
+    return describe_axes([str(dim) for dim in array.dims], array.shape)
+
+
+def _check_axes(array: xr.DataArray, chosen: set[str]) -> None:
+    """Refuse time series and more than 3 axes unless the key says what of them is meant."""
+    if array.ndim < 2:
+        raise InputError(f"{array.name!r} has {array.ndim} axis left; 2 or 3 are needed")
+    times = [str(dim) for dim in array.dims if is_time(array, dim) and str(dim) not in chosen]
+    if array.ndim > 3:
+        others = [str(dim) for dim in array.dims[: array.ndim - 2]]
+        choice = ",".join(f"{dim}=0" for dim in others)
+        raise InputError(
+            f"{array.name!r} has the axes {_axes(array)}: choose with a key such as "
+            f"{array.name},{choice}"
+        )
+    if times and array.ndim == 3:
+        raise InputError(
+            f"{array.name!r} is a time series ({_axes(array)}): choose with a key such as "
+            f"{array.name},{times[0]}=0, or {array.name},{times[0]}=: for all as a volume"
+        )
+
+
+def _nodata(array: xr.DataArray) -> float | int | None:
+    for name in ("_FillValue", "missing_value"):
+        value = array.encoding.get(name, array.attrs.get(name))
+        if value is not None and np.size(value) == 1 and np.asarray(value).dtype.kind in "iuf":
+            found = np.asarray(value).reshape(()).item()
+            return None if np.isnan(found) else found
+    return None
+
+
+def _crs(data: xr.Dataset, array: xr.DataArray) -> tuple[str | None, dict[str, str]]:
+    """The CRS, or where it is written in CF's own terms those, as JSON."""
+    name = array.encoding.get("grid_mapping", array.attrs.get("grid_mapping"))
+    if name is None or name not in data.variables:
+        return None, {}
+    attributes = data[name].attrs
+    for known in ("crs_wkt", "spatial_ref"):
+        if attributes.get(known):
+            return str(attributes[known]), {}
+    plain = {str(name): _plain(value) for name, value in attributes.items()}
+    return None, {"grid_mapping": json.dumps(plain)} if plain else {}
+
+
+def _metadata(data: xr.Dataset, array: xr.DataArray) -> dict[str, str]:
+    """Names and attributes as text; those of an axis begin with its name and a colon."""
+    found = {"name": str(array.name)}
+    found |= {str(k): _text(v) for k, v in array.attrs.items() if k not in _OWN}
+    for dim in array.dims:
+        if dim in array.coords:
+            attributes = array.coords[dim].attrs.items()
+            found |= {f"{dim}:{k}": _text(v) for k, v in attributes if k in _AXIS_TEXTS}
+    for name, coordinate in array.coords.items():
+        if coordinate.ndim == 0 and coordinate.dtype.kind in "iuf" and _is_place(coordinate):
+            units = coordinate.attrs.get("units", "")
+            found[f"at_{name}"] = f"{coordinate.item():.12g} {units}".strip()
+    if "title" in data.attrs:
+        found["title"] = _text(data.attrs["title"])
+    return found
+
+
+def _is_place(coordinate: xr.DataArray) -> bool:
+    return "grid_mapping_name" not in coordinate.attrs and "crs_wkt" not in coordinate.attrs
+
+
+def _numbers(attributes: Mapping[Any, Any], name: str, ndim: int) -> tuple[float, ...]:
+    values = np.atleast_1d(attributes.get(name, ()))
+    return tuple(float(value) for value in values) if len(values) == ndim else ()
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def _text(value: Any) -> str:
+    plain = _plain(value)
+    return plain if isinstance(plain, str) else json.dumps(plain, default=str)

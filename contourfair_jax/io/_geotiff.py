@@ -1,4 +1,4 @@
-"""GeoTIFF with rasterio: CRS, transform, nodata, masks and packed values are kept or decoded.
+"""GeoTIFF, and two older kinds of elevation files, with rasterio: nothing about place is lost.
 
 A raster's transform maps pixel *corners*; a `Grid`'s affine map is at sample centres.  The two
 differ by half a pixel, so refining keeps every sample where it is and moves the corner instead.
@@ -27,7 +27,21 @@ _TILE_FROM = 1024
 
 def read(path: Path, key: str | None) -> Grid:
     """One band, the first unless `key` is the number of another."""
-    with _quiet(), rasterio.open(path, driver="GTiff") as source:
+    return _read(path, key, "GTiff")
+
+
+def read_usgs_dem(path: Path, key: str | None) -> Grid:
+    """Elevations of a USGS digital elevation model (``.dem``)."""
+    return _read(path, key, "USGSDEM")
+
+
+def read_ascii_grid(path: Path, key: str | None) -> Grid:
+    """Elevations of an Arc/Info or ESRI ASCII grid (``.asc``)."""
+    return _read(path, key, "AAIGrid")
+
+
+def _read(path: Path, key: str | None, driver: str) -> Grid:
+    with _quiet(), rasterio.open(path, driver=driver) as source:
         band, notes = _band(source.count, source.descriptions, key)
         if source.dtypes[band - 1].startswith("complex"):
             raise InputError("holds complex numbers; save the magnitude or one part")

@@ -13,8 +13,8 @@ import numpy as np
 from ._arcs import Arcs
 from ._subdivide import MAX_DEPTH, level_numbers
 
-# Crossings of one line of one level within one cell, in the same direction, at most.
-_RANKS = 1 << 10
+# More than a level crosses a straight line within a cell in one direction: a cubic has three roots.
+_RANKS = 8
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _ranked(code: np.ndarray, axis: np.ndarray, at: np.ndarray) -> tuple[np.ndar
     first = np.flatnonzero(np.diff(ordered[tied], prepend=-1))
     length = np.diff(first, append=len(tied))
     ordered *= _RANKS
-    ordered[tied] += np.arange(len(tied)) - np.repeat(first, length)
+    ordered[tied] += np.minimum(np.arange(len(tied)) - np.repeat(first, length), _RANKS - 1)
     return order, ordered
 
 

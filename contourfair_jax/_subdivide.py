@@ -2,9 +2,9 @@
 
 A piece is *proved* for its levels when
 
-- one partial derivative has Bezier coefficients of one sign.  Say it is that along axis a.  Then
-  every level set in the piece is a graph a = g(b): no loop hides in it, and each of the two edges
-  along a is crossed at most once;
+- one partial derivative has Bezier coefficients of one sign, up to rounding.  Say it is that along
+  axis a.  Then every level set in the piece is a graph a = g(b): no loop hides in it, and each of
+  the two edges along a is crossed at most once;
 - each level crosses each of the two edges along b at most once, because it passes between their
   Bezier points at most once.
 
@@ -13,7 +13,8 @@ derivatives bound g'':
 
     |g''| <= (|f_bb| + 2 r |f_ab| + r^2 |f_aa|) / |f_a|,    r = |f_b| / |f_a|,
 
-so that chords over strips of width 1 / k in b stay within |g''| / (8 k^2) of the arc.
+so that chords over strips of width 1 / k in b stay within |g''| / (8 k^2) of the arc.  Where f_a
+comes near zero the bound says nothing; a piece no wider than the tolerance needs no bound.
 """
 
 from collections.abc import Iterator
@@ -23,8 +24,10 @@ import numpy as np
 
 from ._cells import Cells, quarters
 
-# Pieces of 2^-MAX_DEPTH of a cell that are not proved are left so, and counted.
-MAX_DEPTH = 12
+# Pieces that are not proved are left so, and counted: at this depth the last ones, and many at once
+# already at the other, because they lie along a line on which the gradient vanishes.
+MAX_DEPTH = 18
+MANY_DEPTH, MANY = 12, 512
 # More strips than this: halve the piece instead, which sharpens its bounds.
 MAX_STRIPS = 4
 
@@ -49,11 +52,25 @@ class Leaves:
     proved: np.ndarray
 
 
-def leaves(cells: Cells, levels: np.ndarray, tolerance: float) -> Iterator[Leaves]:
-    """Subdivide `cells` until proved and within `tolerance` (in cells of the grid)."""
+def leaves(
+    cells: Cells, levels: np.ndarray, tolerance: float, rounding: float = 0.0
+) -> Iterator[Leaves]:
+    """Subdivide cells until they are proved and keep to the tolerance.
+
+    Parameters
+    ----------
+    cells : Cells
+    levels : array
+        Sorted.
+    tolerance : float
+        In cells of the grid.
+    rounding : float
+        By how much differences of Bezier points may have the wrong sign.
+    """
     while len(cells):
-        swapped, strips = _strips(cells, tolerance)
-        last = cells.depth == MAX_DEPTH
+        swapped, strips = _strips(cells, tolerance, rounding)
+        many = cells.depth >= MANY_DEPTH and len(cells) > MANY
+        last = many or cells.depth == MAX_DEPTH
         ready = np.flatnonzero(((strips > 0) & (strips <= MAX_STRIPS)) | last)
         swapped, strips = swapped[ready], strips[ready]
         turned = _transposed(cells.take(ready), swapped)
@@ -74,7 +91,7 @@ def _transposed(cells: Cells, swapped: np.ndarray) -> Cells:
     return replace(cells, points=points, corner=np.where(swapped, cells.corner[::-1], cells.corner))
 
 
-def _strips(cells: Cells, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+def _strips(cells: Cells, tolerance: float, rounding: float) -> tuple[np.ndarray, np.ndarray]:
     """Which axis the lines are graphs over, and how many chords keep to the tolerance.
 
     Returns
@@ -98,14 +115,17 @@ def _strips(cells: Cells, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
         np.where(swapped, second_b, second_a),
         np.where(swapped, second_a, second_b),
     )
-    proved = least > 0
-    least = np.where(proved, least, 1)
-    slope = slope / least
+    width = 0.5**cells.depth
+    bounded = least > rounding
+    lowest = np.where(bounded, least, 1)
+    slope = slope / lowest
     # Derivatives are 3 times first, 6 times pure and 9 times mixed second differences.
-    bend = (2 * second_b + 6 * slope * mixed + 2 * slope**2 * second_a) / least
-    needed = np.sqrt(bend * (0.5**cells.depth / (8 * tolerance)))
+    bend = (2 * second_b + 6 * slope * mixed + 2 * slope**2 * second_a) / lowest
+    needed = np.sqrt(np.where(bounded, bend, np.inf) * (width / (8 * tolerance)))
+    if width <= tolerance:
+        needed = np.ones_like(needed)
     strips = np.ceil(np.clip(needed, 1, MAX_STRIPS + 1)).astype(int)
-    return swapped, np.where(proved, strips, 0)
+    return swapped, np.where(least >= -rounding, strips, 0)
 
 
 def _extent(differences: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,8 @@ tolerance.  Every vertex is a root of the field along a straight line.  Chords s
 pieces that they share with no other arc in wrong order, so lines cannot cross.
 
 The line of a level v is the border of {f > v}.  Places that are flat but for rounding would make
-specks at the level of the plateau, so v is raised by `5e-10` of the range of the samples, and in
-float32 by 16 roundings of the largest sample: a plateau then counts as below its own level.
+specks at the level of the plateau, so v is raised by `5e-10` of the range of the samples and 16
+roundings of the largest sample: a plateau counts as below its own level.
 """
 
 from collections.abc import Iterator, Sequence
@@ -45,8 +45,9 @@ class Contours(Sequence[ContourLine]):
     levels : tuple of float
         Sorted, each once.
     unproved : int
-        Pieces of cells, each `2**-12` cells wide, where the bounds could not prove that lines are
-        complete: places where the gradient vanishes on the level.  0 for most data.
+        Pieces of cells, at most `2**-12` cells wide, where the bounds could not prove that lines
+        are complete: places where the gradient vanishes on the level, as at the border of a plateau
+        at the level.  Otherwise 0.
     notes : tuple of str
         What is to be known about levels without lines.
     """
@@ -198,8 +199,9 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[
 def trace(net: np.ndarray, levels: np.ndarray, tolerance: float) -> tuple[list[Arcs], int]:
     """The arcs of sorted levels in a control net, and how many pieces were not proved."""
     found, unproved = [], 0
+    rounding = 4 * _rounding(net)
     for cells in grid_cells(net, levels):
-        for group in leaves(cells, levels, tolerance):
+        for group in leaves(cells, levels, tolerance, rounding):
             unproved += int(np.count_nonzero(~group.proved))
             found += arcs(group, levels)
     return found, unproved
@@ -209,13 +211,15 @@ def raised(net: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """The levels that are traced, above plateaus at the levels that were asked for."""
     samples = net[::3, ::3]
     samples = samples[np.isfinite(samples)]
-    if not samples.size:
-        return levels
-    low, high = float(samples.min()), float(samples.max())
-    by = 5e-10 * (high - low)
-    if net.dtype != np.float64:
-        by += 16 * float(np.finfo(net.dtype).eps) * max(abs(low), abs(high))
-    return levels + by
+    spread = float(np.ptp(samples)) if samples.size else 0.0
+    return levels + (5e-10 * spread + 16 * _rounding(net))
+
+
+def _rounding(net: np.ndarray) -> float:
+    """Rounding of the largest sample in the precision that the net was computed in."""
+    samples = np.abs(net[::3, ::3])
+    largest = samples.max(initial=0.0, where=np.isfinite(samples))
+    return float(np.finfo(net.dtype).eps) * float(largest)
 
 
 def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

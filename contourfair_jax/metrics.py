@@ -13,6 +13,7 @@ from ._extrema import extrema
 from ._field import BezierField
 from ._lengths import LevelMetrics as LevelMetrics
 from ._lengths import level_metrics as level_metrics
+from ._lengths import signed_area as signed_area
 from .contours import host_arrays
 from .io import ContourLine
 

@@ -105,7 +105,9 @@ def volume_grid(
 def to_store(grid: Grid) -> tuple[np.ndarray, float | int | None]:
     """The array to store and its nodata value; missing samples of floats stay NaN."""
     stored, nodata = restore_nodata(grid)
-    return grid.values if grid.values.dtype.kind == "f" else stored, nodata
+    if grid.values.dtype.kind == "f":
+        stored, nodata = grid.values, None if nodata is None or np.isnan(nodata) else nodata
+    return stored.astype(stored.dtype.newbyteorder("="), copy=False), nodata
 
 
 def to_xyz(grid: Grid, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:

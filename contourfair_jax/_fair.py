@@ -81,7 +81,7 @@ def fair_field(
     if not isinstance(method, AbstractFairing):
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
     if not is_traced(values):
-        method.check_values(values)
+        method = method.prepare(values)
     net, report = _fit(_settings_as_arrays(method, values.dtype), values, spacing)
     if not is_traced(net):
         method.warn(report)

@@ -10,6 +10,7 @@ solves for the slopes by conjugate gradients.  Every sample pins its vertex, so 
 does not grow with the grid.  A missing sample only frees its value.
 """
 
+import dataclasses
 import warnings
 
 import equinox as eqx
@@ -26,6 +27,7 @@ from ._hermite import cell_mask, cells_to_row, row_to_cells, to_net
 from ._limit import limit_slopes
 from ._merge import set_samples
 from ._method import AbstractFairing, FitReport
+from ._multilevel import coarse_correction, has_wide_holes
 from ._normals import LARGEST_COHERENCE, coherent_normals
 
 
@@ -60,6 +62,9 @@ class GlobalFairing(AbstractFairing):
     limit : bool
         Remove overshoot: every cell stays between the smallest and the largest of its own
         samples.  Samples and C1 are kept, fairness is not.
+    coarse_grids : bool or None
+        Precondition with coarse grids, which wide holes need and which take longer to compile.
+        None decides by the samples; inside `jax.jit`, where they are unknown, it means False.
     tolerance : float
         Residual of each linear solve, relative to its right-hand side.
     max_steps : int
@@ -90,6 +95,7 @@ class GlobalFairing(AbstractFairing):
     sigma: float | Float[Array, "*shape"] | None = None
     cell_weights: Float[Array, "*cells"] | None = None
     limit: bool = eqx.field(static=True, default=False)
+    coarse_grids: bool | None = eqx.field(static=True, default=None)
     tolerance: float = eqx.field(static=True, default=1e-4)
     max_steps: int = eqx.field(static=True, default=1000)
 
@@ -188,12 +194,19 @@ class GlobalFairing(AbstractFairing):
             image = frozen[0].apply_in_place(frozen[1], x)
             return jnp.where(free, image.at[0].add(frozen[2] * x[0]), 0)
 
+        def precondition(x: Array) -> Array:
+            own = jnp.sum(inverse * x[None], axis=1)
+            if not self.coarse_grids:
+                return own
+            holes = (free[0] & (frozen[2] == 0)).reshape(form.shape)
+            return jnp.where(free, own + coarse_correction(frozen[0], holes, x), 0)
+
         def solve(_, rhs: Array) -> tuple[Array, tuple[Array, Array]]:
             solution = conjugate_gradients(
                 apply_in_place,
                 rhs,
                 near,
-                lambda x: jnp.sum(inverse * x[None], axis=1),
+                precondition,
                 self.tolerance,
                 self.max_steps,
             )
@@ -208,14 +221,18 @@ class GlobalFairing(AbstractFairing):
         )
         return Solution(start + value, *info)
 
-    def check_values(self, values):
+    def prepare(self, values):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)
         cells = tuple(n - 1 for n in values.shape)
         _check.check_shape(self.cell_weights, cells, "cell_weights")
-        if np.isnan(np.asarray(values)).all():
+        missing = np.isnan(np.asarray(values))
+        if missing.all():
             raise ValueError(
                 "values must hold at least one sample, got only NaN; there is nothing to fill from"
             )
+        if self.coarse_grids is not None:
+            return self
+        return dataclasses.replace(self, coarse_grids=has_wide_holes(missing))
 
     def warn(self, report):
         if not bool(report.converged):

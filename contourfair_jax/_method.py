@@ -43,8 +43,12 @@ class AbstractFairing(eqx.Module):
     ) -> tuple[Float[Array, "*net"], FitReport | None]:
         """Control net with 3 (n - 1) + 1 points per axis, the samples at every third."""
 
-    def check_values(self, values: Float[Array, "*shape"]) -> None:
-        """Raise ValueError for samples the method has no answer for; called outside jit only."""
+    def prepare(self, values: Float[Array, "*shape"]) -> "AbstractFairing":
+        """The method for these samples, called outside jit only.
+
+        Raises ValueError for samples the method has no answer for.
+        """
+        return self
 
     def warn(self, report: FitReport | None) -> None:
         """Warn of a fit that fell short; called outside jit only."""

@@ -16,10 +16,10 @@ from ._global import GlobalFairing
 # and more tension goes from smooth terrain to noise; small weights are for edges and ridges.
 CANDIDATES = (
     (1.0, 1, 0.0),
-    (1.0, 1, 1.0),
     (1.0, 1, 4.0),
     (1.0, 1, 12.0),
     (1.0, 1, 40.0),
+    (1.0, 1, 120.0),
     (0.05, 1, 0.0),
     (0.05, 1, 2.0),
     (0.05, 1, 8.0),

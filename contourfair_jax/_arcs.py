@@ -13,8 +13,9 @@ import numpy as np
 
 from ._basis import bernstein
 from ._cells import Cells
+from ._ragged import ranges
 from ._roots import cubic_root
-from ._subdivide import MAX_DEPTH, Leaves, level_numbers
+from ._subdivide import MAX_DEPTH, Leaves
 
 # Edges of a leaf: a = 0, a = 1, b = 0, b = 1.
 _LEFT, _RIGHT, _BOTTOM, _TOP = range(4)
@@ -74,7 +75,7 @@ def arcs(leaves: Leaves, levels: np.ndarray) -> list[Arcs]:
 def _pieces(cells: Cells, swapped: np.ndarray, levels: np.ndarray) -> _Pieces:
     """What the signs at the corners and the crossings of edges a = 0 and a = 1 say."""
     count = cells.last - cells.first
-    leaf, level = np.repeat(np.arange(len(cells)), count), level_numbers(cells.first, count)
+    leaf, level = np.repeat(np.arange(len(cells)), count), ranges(cells.first, count)
     above = cells.points[::3, ::3].take(leaf, -1) > levels[level]
     mixed = above.any((0, 1)) & ~above.all((0, 1))
     leaf, level, above = leaf[mixed], level[mixed], above[..., mixed]

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ._subdivide import level_numbers
+from ._ragged import batches, ranges
 
 # Pairs compared in one go.
 _BATCH = 1 << 20
@@ -52,18 +52,16 @@ def _close_pairs(lower: np.ndarray, upper: np.ndarray) -> Iterator[tuple[np.ndar
     low, high = _bins(lower, upper)
     spans = high - low + 1
     box = np.repeat(np.arange(len(low)), spans.prod(1))
-    place = level_numbers(np.zeros(len(low), int), spans.prod(1))
+    place = ranges(np.zeros(len(low), int), spans.prod(1))
     bins = low[box] + np.stack([place // spans[box, 1], place % spans[box, 1]], axis=1)
     code = bins[:, 0] * (high[:, 1].max() + 1) + bins[:, 1]
     order = np.argsort(code, kind="stable")
     box, bins, code = box[order], bins[order], code[order]
     stop = np.searchsorted(code, code, side="right")
     later = stop - np.arange(len(code)) - 1
-    parts = np.searchsorted(np.cumsum(later), np.arange(0, later.sum(), _BATCH))
-    for begin, end in zip(parts, [*parts[1:], len(later)], strict=True):
-        here = np.arange(begin, end)
+    for here in batches(later, _BATCH):
         at = np.repeat(here, later[here])
-        partner = level_numbers(here + 1, later[here])
+        partner = ranges(here + 1, later[here])
         one, other = box[at], box[partner]
         # The bin of the lowest corner of both boxes stands for the pair.
         kept = (bins[at] == np.maximum(low[one], low[other])).all(1)

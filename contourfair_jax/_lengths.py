@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ._subdivide import level_numbers
+from ._ragged import ranges
 from .io import ContourLine
 
 
@@ -95,7 +95,7 @@ def _line_metrics(
     at += np.repeat(np.arange(len(lines)) * step, sizes)
     pieces = np.maximum(np.ceil(length / step).astype(int), np.where(closed, 3, 1))
     number = np.repeat(np.arange(len(lines)), pieces + 1)
-    rank = level_numbers(np.zeros(len(lines), int), pieces + 1)
+    rank = ranges(np.zeros(len(lines), int), pieces + 1)
     places = at[first][number] + rank * (length / pieces)[number]
     samples = np.stack([np.interp(places, at, points[:, k]) for k in (0, 1)], axis=1)
     begin = np.cumsum(pieces + 1) - pieces - 1

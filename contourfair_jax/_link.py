@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ._arcs import Arcs
-from ._subdivide import MAX_DEPTH, level_numbers
+from ._ragged import ranges
+from ._subdivide import MAX_DEPTH
 
 # More than a level crosses a straight line within a cell in one direction: a cubic has three roots.
 _RANKS = 8
@@ -76,7 +77,7 @@ def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> Lines:
     order = np.argsort(number * (rank.max() + 1) + rank)
     last = np.append(np.flatnonzero(np.diff(number[order])), len(order) - 1)
     offset = np.cumsum(count) - count
-    joined = points[level_numbers(offset[order], count[order])]
+    joined = points[ranges(offset[order], count[order])]
     bounds = np.append(0, np.cumsum(count[order])[last])
     final = np.where(closed[heads, None], ends[0, heads], ends[1, order[last]])
     joined = np.insert(joined, bounds[1:], final, axis=0)

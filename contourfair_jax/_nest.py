@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ._subdivide import level_numbers
+from ._ragged import batches, ranges
 
 _BATCH = 1 << 20
 
@@ -45,17 +45,15 @@ def _seen(rings: Sequence[np.ndarray], eyes: np.ndarray) -> np.ndarray:
     first, last = np.floor(low).astype(int), np.floor(high).astype(int)
     spans = last - first + 1
     segment = np.repeat(np.arange(len(low)), spans)
-    row = level_numbers(first, spans)
+    row = ranges(first, spans)
     order = np.argsort(row, kind="stable")
     segment, row = segment[order], row[order]
     eye_row = np.floor(eyes[:, 0]).astype(int)
     begin, stop = np.searchsorted(row, eye_row), np.searchsorted(row, eye_row, side="right")
     seen, best = np.full(len(eyes), -1), np.full(len(eyes), -np.inf)
-    parts = np.searchsorted(np.cumsum(stop - begin), np.arange(0, (stop - begin).sum(), _BATCH))
-    for one, other in zip(parts, [*parts[1:], len(eyes)], strict=True):
-        here = np.arange(one, other)
+    for here in batches(stop - begin, _BATCH):
         count = stop[here] - begin[here]
-        eye, candidate = np.repeat(here, count), segment[level_numbers(begin[here], count)]
+        eye, candidate = np.repeat(here, count), segment[ranges(begin[here], count)]
         across = eyes[eye, 0]
         spanned = (low[candidate] <= across) & (across < high[candidate])
         eye, candidate = eye[spanned], candidate[spanned]

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ._cells import Cells, quarters
+from ._ragged import ranges
 
 # Pieces that are not proved are left so, and counted: at this depth the last ones, and many at once
 # already at the other, because they lie along a line on which the gradient vanishes.
@@ -146,13 +147,7 @@ def _edges_crossed_once(cells: Cells, levels: np.ndarray) -> np.ndarray:
         unsure = np.flatnonzero((steps.min(0) < 0) & (steps.max(0) > 0) & once)
         count = (cells.last - cells.first)[unsure]
         piece = np.repeat(unsure, count)
-        above = edge[:, piece] > levels[level_numbers(cells.first[unsure], count)]
+        above = edge[:, piece] > levels[ranges(cells.first[unsure], count)]
         twice = np.count_nonzero(above[1:] != above[:-1], axis=0) > 1
         once[piece[twice]] = False
     return once
-
-
-def level_numbers(first: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """`first, first + 1, ..., first + count - 1` of every piece, one after the other."""
-    ends = np.cumsum(count)
-    return np.arange(ends[-1] if len(ends) else 0) + np.repeat(first - (ends - count), count)

@@ -1,0 +1,247 @@
+"""Metrics against closed forms, brute force and planted faults."""
+
+import cases
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import samples_of
+
+import contourfair_jax as cf
+from contourfair_jax import metrics
+from contourfair_jax._compare import bilinear_field
+from contourfair_jax._components import components
+from contourfair_jax._field import BezierField
+from contourfair_jax.contours import ContourLine
+
+GRID = cases.GRIDS[2][1]
+
+
+def line(*points, level=0.0):
+    points = np.array(points, dtype=float)
+    return ContourLine(level, points, bool((points[0] == points[-1]).all()))
+
+
+@pytest.fixture(scope="module")
+def bowl():
+    """`x^2 + y^2` on [-1, 1]^2, exactly, as one cell."""
+    square = np.array([1, -1 / 3, -1 / 3, 1])
+    net = square[:, None] + square[None, :]
+    return BezierField(jnp.asarray(net), jnp.full(2, 2.0), jnp.full(2, -1.0))
+
+
+# Crossings ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("lines", "count"),
+    [
+        ([line((0, 0), (1, 1)), line((0, 1), (1, 0))], 1),
+        ([line((0, 0), (1, 0)), line((0, 1), (1, 1))], 0),
+        ([line((0, 0), (2, 0)), line((1, 0), (1, 1))], 1),  # touches
+        ([line((0, 0), (2, 0)), line((1, 0), (3, 0))], 1),  # overlaps
+        ([line((0, 0), (2, 0)), line((3, 0), (4, 0))], 0),  # on one straight line, apart
+        ([line((0, 0), (2, 2), (2, 0), (0, 2))], 1),  # with itself
+        ([line((0, 0), (1, 0), (1, 1), (0, 0))], 0),  # a loop's neighbours share vertices
+        ([line((0, 0), (1, 0), (1, 1), (0, 0)), line((0.5, -1), (0.5, 2))], 2),
+        ([line((0, 0), (100, 100)), line((0, 1e-9), (100, 100 + 1e-9))], 0),
+        ([line((5e6, 4e5), (5e6 + 1, 4e5 + 1)), line((5e6, 4e5 + 1), (5e6 + 1, 4e5))], 1),
+        ([], 0),
+    ],
+)
+def test_planted_crossings(lines, count):
+    assert metrics.crossings(lines) == count
+
+
+def test_crossings_of_random_lines_agree_with_all_pairs(rng):
+    lines = [
+        line(*np.cumsum(rng.normal(size=(rng.integers(2, 25), 2)) * 10.0 ** rng.uniform(-2, 1), 0))
+        for _ in range(40)
+    ]
+    segments = [(k, i, *at[i : i + 2]) for k, at in enumerate(x.points for x in lines)
+                for i in range(len(at) - 1)]  # fmt: skip
+    count = 0
+    for n, (k, i, a, b) in enumerate(segments):
+        for m, j, p, q in segments[:n]:
+            if k == m and abs(i - j) == 1:
+                continue
+            count += _cross(a, b, p) != _cross(a, b, q) and _cross(p, q, a) != _cross(p, q, b)
+    assert count > 50
+    assert metrics.crossings(lines) == count
+
+
+def _cross(a, b, p):
+    return (b[0] - a[0]) * (p[1] - a[1]) > (b[1] - a[1]) * (p[0] - a[0])
+
+
+def test_a_shifted_vertex_is_found():
+    case = cases.ANALYTIC["marschner_lobb_slice"]
+    lines = list(cf.fair_field(case.samples()).contours(np.linspace(0.2, 0.6, 9)))
+    assert metrics.crossings(lines) == 0
+    longest = int(np.argmax([len(each.points) for each in lines]))
+    points = lines[longest].points.copy()
+    points[len(points) // 2] += 4.0
+    lines[longest] = ContourLine(lines[longest].level, points, lines[longest].closed)
+    assert metrics.crossings(lines) > 0
+
+
+# Levels ------------------------------------------------------------------------------------
+
+
+def test_a_circle(bowl):
+    lines = bowl.contours([0.25, 0.64], 1e-5)
+    small, large = metrics.level_metrics(lines, 0.02)
+    for each, radius in ((small, 0.5), (large, 0.8)):
+        assert each.length == pytest.approx(2 * np.pi * radius, rel=1e-3)
+        assert each.turning == pytest.approx(2 * np.pi, rel=1e-9)
+        assert each.bending == pytest.approx(2 * np.pi / radius, rel=2e-2)
+        assert (each.components, each.holes) == (1, 1)
+
+
+def test_an_open_line_and_a_kink():
+    (each,) = metrics.level_metrics([line((0, 0), (1, 0), (1, 1))], 0.25)
+    assert each.length == 2
+    assert each.turning == pytest.approx(np.pi / 2)
+    assert each.bending == pytest.approx((np.pi / 2) ** 2 / 0.25)
+    assert (each.components, each.holes) == (1, 0)
+
+
+def test_summits_are_no_holes():
+    counter_clockwise = line((0, 0), (1, 0), (1, 1), (0, 0))
+    clockwise = line((0, 0), (1, 1), (1, 0), (0, 0), level=1.0)
+    below, above = metrics.level_metrics([counter_clockwise, clockwise], 0.1)
+    assert (below.holes, above.holes) == (0, 1)
+
+
+def test_levels_without_lines_are_zero(bowl):
+    (each,) = metrics.level_metrics(bowl.contours(9.0), 0.1, [9.0])
+    assert (each.level, each.length, each.components) == (9.0, 0.0, 0)
+    assert metrics.level_metrics([], 0.1) == []
+    first, second = metrics.level_metrics([line((0, 0), (1, 0), level=2.0)], 0.1, [1.0, 2.0])
+    assert (first.length, second.length) == (0.0, 1.0)
+
+
+def test_step_is_checked():
+    with pytest.raises(ValueError, match="step must be a length above zero"):
+        metrics.level_metrics([], 0.0)
+
+
+# All levels --------------------------------------------------------------------------------
+
+
+def test_coarea_of_a_bowl(bowl):
+    """`|k| |grad f| = 2`, and `|grad f| = 2 r`."""
+    found = metrics.coarea(bowl, order=8)
+    assert found.turning == pytest.approx(8.0, rel=1e-12)
+    # The integral of r over the square of side 2.
+    radius = 4 / 3 * (np.sqrt(2) + np.arcsinh(1.0))
+    assert found.length == pytest.approx(2 * radius, rel=2e-3)
+
+
+def test_coarea_is_the_sum_over_levels():
+    case = cases.ANALYTIC["franke"]
+    field = cf.fair_field(case.samples(), spacing=(0.5, 0.7), origin=1.0)
+    low, high = np.min(field.samples), np.max(field.samples)
+    levels = low + (high - low) * (np.arange(200) + 0.5) / 200
+    lines = metrics.level_metrics(field.contours(levels, 1e-4), 0.05, levels.tolist())
+    found = metrics.coarea(field)
+    width = (high - low) / len(levels)
+    assert sum(each.length for each in lines) * width == pytest.approx(found.length, rel=0.01)
+    assert sum(each.turning for each in lines) * width == pytest.approx(found.turning, rel=0.03)
+
+
+def test_coarea_leaves_missing_samples_out(bowl):
+    net = np.asarray(bowl.control_points)
+    wide = np.concatenate([net[:-1], np.full((4, 4), np.nan)])
+    wide[3] = net[3]
+    beside = BezierField(jnp.asarray(wide), bowl.spacing, bowl.origin)
+    assert metrics.coarea(beside).length == pytest.approx(metrics.coarea(bowl).length)
+
+
+# Overshoot and jumps -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ndim", [2, 3])
+@pytest.mark.parametrize("name", ["noise", "sharp_step", "constant", "plane"])
+def test_overshoot_is_that_of_dense_samples(name, ndim):
+    grid = cases.GRIDS[ndim][0]
+    samples = samples_of(name, grid)
+    field = cf.fair_field(samples)
+    fine = np.asarray(field.refine(16))
+    span = np.ptp(samples) or 1.0
+    dense = max(samples.min() - fine.min(), fine.max() - samples.max(), 0.0) / span
+    found = metrics.overshoot(field)
+    assert dense - 1e-9 <= found <= dense + 0.01
+
+
+def test_c1_jump_is_rounding_when_fair_and_not_when_bilinear():
+    field = cf.fair_field(samples_of("noise", GRID), spacing=GRID.spacing)
+    assert metrics.c1_jump(field) < 1e-13
+    assert metrics.c1_jump(bilinear_field(field)) > 0.1
+    flat = BezierField(jnp.zeros((7, 7)), jnp.ones(2), jnp.zeros(2))
+    assert metrics.c1_jump(flat) == 0
+
+
+def test_overshoot_of_missing_samples():
+    field = BezierField(jnp.full((7, 7), jnp.nan), jnp.ones(2), jnp.zeros(2))
+    assert metrics.overshoot(field) == 0
+
+
+# Comparison --------------------------------------------------------------------------------
+
+
+def test_components_follow_the_bilinear_interpolant():
+    samples = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    assert components(samples, 0.4).max() == 0
+    assert components(samples, 0.6).max() == 2
+    assert (components(samples, 0.6) >= 0).sum() == 3
+    assert components(samples, 2.0).max() == -1
+
+
+@pytest.mark.parametrize("level", [-0.5, 0.0, 0.7])
+def test_components_agree_with_a_fine_grid(level, rng):
+    from scipy.ndimage import label, zoom
+
+    samples = rng.normal(size=(12, 11))
+    fine = zoom(samples, 64, order=1, grid_mode=False)
+    truth = label(fine > level)[0]
+    at = np.ix_(*(np.linspace(0, n - 1, k).round().astype(int)
+                  for n, k in zip(truth.shape, samples.shape, strict=True)))  # fmt: skip
+    truth, found = truth[at] - 1, components(samples, level)
+    assert len(np.unique(np.stack([truth.ravel(), found.ravel()]), axis=1).T) == len(
+        np.unique(found)
+    )
+
+
+def test_a_thin_ridge_is_joined():
+    case = cases.ANALYTIC["ridge"]
+    found = metrics.compare(case.samples(), spacing=case.spacing, origin=-1.0)
+    plain, fair = (sum(each.components for each in side) for side in (found.bilinear, found.fair))
+    assert plain > fair
+    merged = [change for change in found.changes if change.kind == "merged"]
+    assert any(change.side == "above" and change.parts > 1 for change in merged)
+    assert all(np.abs(change.position).max() <= 1 for change in merged)
+    assert "merged at" in str(merged[0])
+
+
+def test_a_comparison_prints_a_table():
+    text = str(metrics.compare(samples_of("cone", GRID), [0.4, 0.6]))
+    assert len(text.splitlines()) == 4
+    assert "bilinear" in text
+    assert "places merged: 0, split: 0" in text
+
+
+def test_comparison_of_volumes_is_refused():
+    with pytest.raises(ValueError, match="values must be 2-D"):
+        metrics.compare(np.zeros((4, 3, 5)))
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["even", "samples"])
+def test_no_lines_cross_on_real_data(method, shared_data):
+    from benchmarks import contours
+
+    for name, field, _ in contours.real_fields(shared_data):
+        lines = field.contours(contours.levels_of(np.asarray(field.samples), method))
+        assert metrics.crossings(lines) == 0, name
+        assert len(lines) > 0, name

@@ -21,7 +21,7 @@ Iterations = Annotated[
 Weight = Annotated[
     float | None,
     typer.Option(
-        "--thin-plate-weight", help="Share of thin plate energy. [dim]\\[default: 0.02][/]"
+        "--thin-plate-weight", help="Share of thin plate energy. [dim]\\[default: of the method][/]"
     ),
 ]
 Method = Annotated[

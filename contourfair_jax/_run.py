@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,18 +28,38 @@ class Settings:
     thin_plate_weight: float | None = None
 
 
+def _chosen(method: AbstractFairing, settings: Settings) -> AbstractFairing:
+    """The method with the settings that were given."""
+    given = {name: value for name, value in vars(settings).items() if value is not None}
+    return replace(method, **given)
+
+
 def _local(grid: Grid, settings: Settings) -> AbstractFairing:
     from . import LocalFairing
 
-    default, iterations, weight = LocalFairing(), settings.iterations, settings.thin_plate_weight
-    return LocalFairing(
-        thin_plate_weight=default.thin_plate_weight if weight is None else weight,
-        iterations=default.iterations if iterations is None else iterations,
-    )
+    return _chosen(LocalFairing(), settings)
+
+
+def _global(grid: Grid, settings: Settings) -> AbstractFairing:
+    from . import GlobalFairing
+
+    return _chosen(GlobalFairing(), settings)
+
+
+def _tuned(grid: Grid, settings: Settings) -> AbstractFairing:
+    import jax.numpy as jnp
+
+    from . import tune
+
+    return _chosen(tune(jnp.asarray(grid.values, dtype=float), spacing=grid.spacing), settings)
 
 
 # A method is chosen by its name; it may look at the samples.
-METHODS: Mapping[str, Callable[[Grid, Settings], AbstractFairing]] = {"local": _local}
+METHODS: Mapping[str, Callable[[Grid, Settings], AbstractFairing]] = {
+    "local": _local,
+    "global": _global,
+    "tune": _tuned,
+}
 
 
 def check_fairable(grid: Grid, factor: int = 1, ndim: tuple[int, ...] = (2, 3)) -> None:

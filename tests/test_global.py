@@ -1,0 +1,584 @@
+"""Global fairing: the engine against its twin, accuracy, convergence, holes, noise, gradients.
+
+Every shape and static setting is another program of some seconds, so tests share them: `exact`
+is one program for each shape and sharpness, `clean` another.
+"""
+
+import functools
+
+import cases
+import equinox as eqx
+import global_twin
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import assert_close, samples_of
+
+import contourfair_jax as cf
+from contourfair_jax._form import energy_form, structure_form
+
+BOTH = pytest.mark.both_precisions
+SLOW = pytest.mark.slow
+FLAT, SOLID = cases.GRIDS[2][1], cases.GRIDS[3][1]
+FIELDS = ("ridge", "sharp_step", "smooth_random", "noise", "constant")
+SETTINGS = {
+    "plain": {},
+    "tension": {"tension": 3.0},
+    "others": {"thin_plate_weight": 0.3, "coherence": 0.6, "tension": 0.5},
+}
+
+
+def exact(sharpness=2, **settings):
+    """Solved to rounding, to be compared."""
+    return cf.GlobalFairing(sharpness=sharpness, iterations=2, tolerance=1e-12, **settings)
+
+
+def clean(**settings):
+    """For clean data with thin features: the settings of the accuracy figures."""
+    return cf.GlobalFairing(thin_plate_weight=0.01, sharpness=2, coherence=1.2, **settings)
+
+
+def net_of(values, method, spacing=1.0):
+    return np.asarray(cf.fair_field(values, spacing=spacing, method=method).control_points)
+
+
+def twin_net(values, grid, method, **settings):
+    return global_twin.fair_net(
+        values, grid.spacing, sharpness=method.sharpness, iterations=method.iterations, **settings
+    )
+
+
+def rms(difference):
+    return float(np.sqrt(np.mean(np.square(difference))))
+
+
+def with_holes(values):
+    """Missing: a corner, two neighbours inside, one on a border."""
+    values = values.copy()
+    for index in ((0, 0), (2, 1), (2, 2), (-1, 2)):
+        values[index + (0,) * (values.ndim - 2)] = np.nan
+    return values
+
+
+# Against the twin ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+@pytest.mark.parametrize("sharpness", [1, 2])
+def test_equals_the_twin(sharpness, name):
+    method = exact(sharpness, **SETTINGS[name])
+    for field in FIELDS:
+        values = samples_of(field, FLAT)
+        expected = twin_net(values, FLAT, method, **SETTINGS[name])
+        assert_close(net_of(values, method, FLAT.spacing), expected, 1e-8)
+
+
+@pytest.mark.parametrize("sharpness", [pytest.param(1, marks=SLOW), 2])
+def test_equals_the_twin_in_3d(sharpness):
+    for field, name in (("ridge", "plain"), ("noise", "others")):
+        method = exact(sharpness, **SETTINGS[name])
+        values = samples_of(field, SOLID)
+        expected = twin_net(values, SOLID, method, **SETTINGS[name])
+        assert_close(net_of(values, method, SOLID.spacing), expected, 1e-8)
+
+
+@pytest.mark.parametrize("grid", [FLAT, SOLID], ids=["2d", "3d"])
+def test_equals_the_twin_with_missing_samples(grid):
+    for field in ("ridge", "noise"):
+        values = with_holes(samples_of(field, grid))
+        expected = twin_net(values, grid, exact(), tension=0.5)
+        assert_close(net_of(values, exact(tension=0.5), grid.spacing), expected, 1e-8)
+
+
+def test_equals_the_twin_with_noise(rng):
+    values = with_holes(samples_of("ridge", FLAT))
+    sigma = rng.uniform(0.01, 0.1, FLAT.shape)
+    ours = net_of(values, exact(sigma=sigma), FLAT.spacing)
+    assert_close(ours, twin_net(values, FLAT, exact(), sigma=sigma), 1e-8)
+
+
+@SLOW
+def test_equals_the_twin_with_cell_weights(rng):
+    values = samples_of("ridge", FLAT)
+    weights = rng.uniform(0.2, 5.0, [n - 1 for n in FLAT.shape])
+    ours = net_of(values, exact(cell_weights=weights), FLAT.spacing)
+    assert_close(ours, twin_net(values, FLAT, exact(), cell_weights=weights), 1e-8)
+    ones = net_of(values, exact(cell_weights=np.ones_like(weights)), FLAT.spacing)
+    assert_close(ones, net_of(values, exact(), FLAT.spacing), 1e-10)
+    assert np.abs(ours - ones).max() > 1e-3
+
+
+# What the net promises -------------------------------------------------------------------
+
+
+def assert_c1(net):
+    tolerance = 30 * np.finfo(net.dtype).eps * max(np.abs(net).max(), 1e-30)
+    for axis in range(net.ndim):
+        for face in range(3, net.shape[axis] - 1, 3):
+            before, at, after = (np.take(net, face + i, axis).astype(float) for i in (-1, 0, 1))
+            np.testing.assert_allclose(after - at, at - before, rtol=0, atol=tolerance)
+
+
+def samples_in(net):
+    return net[(slice(None, None, 3),) * net.ndim]
+
+
+@BOTH
+def test_interpolates_exactly_and_is_c1():
+    for name in cases.field_cases(2):
+        values = np.float32(samples_of(name, FLAT))
+        net = net_of(values, cf.GlobalFairing(), FLAT.spacing)
+        assert net.dtype == np.float32
+        np.testing.assert_array_equal(samples_in(net), values)
+        assert_c1(net)
+
+
+def test_interpolates_exactly_and_is_c1_in_3d():
+    for name in ("smooth_random", "spike", "integers"):
+        values = samples_of(name, SOLID)
+        net = net_of(values, exact(), SOLID.spacing)
+        np.testing.assert_array_equal(samples_in(net), values)
+        assert_c1(net)
+
+
+@pytest.mark.parametrize("grid", [FLAT, SOLID], ids=["2d", "3d"])
+def test_planes_are_reproduced_also_over_holes(grid):
+    values = samples_of("plane", grid)
+    axes = [np.linspace(0, n - 1, 3 * (n - 1) + 1) for n in grid.shape]
+    slopes = [np.diff(values, axis=k).flat[0] for k in range(grid.ndim)]
+    expected = values.flat[0] + sum(
+        slope * x for slope, x in zip(slopes, np.meshgrid(*axes, indexing="ij"), strict=True)
+    )
+    for given in (values, with_holes(values)):
+        assert_close(net_of(given, exact(), grid.spacing), expected, 1e-10)
+
+
+def test_equivariance():
+    values = samples_of("smooth_random", FLAT)
+    net = net_of(values, exact(), FLAT.spacing)
+    for axis in range(2):
+        flipped = net_of(np.flip(values, axis), exact(), FLAT.spacing)
+        assert_close(np.flip(flipped, axis), net, 1e-9)
+    assert_close(net_of(values, exact(), np.multiply(FLAT.spacing, 1000)), net, 1e-9)
+    assert_close(net_of(1 - 2 * values, exact(), FLAT.spacing), 1 - 2 * net, 1e-9)
+    assert_close(net_of(values + 100, exact(), FLAT.spacing) - 100, net, 1e-9)
+    tense = net_of(values, exact(tension=2.0), FLAT.spacing)
+    assert_close(net_of(values, exact(tension=2.0), np.multiply(FLAT.spacing, 1e-3)), tense, 1e-9)
+
+
+@SLOW
+def test_axes_may_be_swapped():
+    values = samples_of("smooth_random", FLAT)
+    net = net_of(values, exact(), FLAT.spacing)
+    assert_close(net_of(values.T, exact(), FLAT.spacing[::-1]).T, net, 1e-9)
+
+
+@BOTH
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_scale_of_the_values(scale):
+    values = np.float32(samples_of("ridge", FLAT))
+    field = cf.fair_field(np.float32(scale) * values, method=cf.GlobalFairing())
+    assert bool(field.report.converged)
+    ours = np.asarray(field.control_points, float) / scale
+    assert_close(ours, net_of(values, cf.GlobalFairing()), 1e-3)
+    # A power of two changes nothing but exponents (and what is too small for float32).
+    power = np.float32(2.0 ** round(np.log2(scale)))
+    net = net_of(power * values, cf.GlobalFairing()) / power
+    assert_close(net, net_of(values, cf.GlobalFairing()), 1e-7)
+
+
+@BOTH
+def test_constants_and_one_outlier():
+    constant = net_of(np.full(FLAT.shape, 3.7, np.float32), cf.GlobalFairing())
+    np.testing.assert_array_equal(constant, np.float32(3.7))
+    values = np.float32(samples_of("smooth_random", FLAT))
+    values[2, 3] = 1e20
+    field = cf.fair_field(values, method=cf.GlobalFairing())
+    assert np.isfinite(field.control_points).all()
+    np.testing.assert_array_equal(field.samples, values)
+
+
+@SLOW
+def test_float32_is_close_to_float64():
+    for name in ("ridge", "disk", "smooth_random"):
+        values = samples_of(name, FLAT)
+        ours = net_of(np.float32(values), cf.GlobalFairing(), FLAT.spacing)
+        assert_close(ours, net_of(values, cf.GlobalFairing(), FLAT.spacing), 1e-3)
+
+
+def test_thin_plate_alone():
+    """Weight 1, no iterations and a constant tensor are the same."""
+    values = samples_of("smooth_random", FLAT)
+    ours = net_of(values, exact(thin_plate_weight=1.0), FLAT.spacing)
+    expected = global_twin.fair_net(values, FLAT.spacing, iterations=0)
+    assert_close(ours, expected, 1e-8)
+
+
+# Accuracy and convergence ----------------------------------------------------------------
+
+
+@functools.cache
+def fit_of(name):
+    """The field of an analytic case with the settings of the accuracy figures."""
+    case = cases.ANALYTIC[name]
+    return cf.fair_field(case.samples(), spacing=case.spacing, method=clean())
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("ridge", 0.0110),
+        ("step", 0.0060),
+        ("disk", 0.0090),
+        ("cone", 0.0053),
+        pytest.param("franke", 0.0018, marks=SLOW),
+        pytest.param("marschner_lobb_slice", 0.0078, marks=SLOW),
+    ],
+)
+def test_accuracy(name, most):
+    error = np.asarray(fit_of(name).refine(8)) - cases.ANALYTIC[name].refined(8)
+    assert rms(error) < most + 0.00005  # figures are rounded to four places
+
+
+@pytest.mark.parametrize("name", ["ridge", "step", "disk"])
+def test_updates_shrink(name):
+    report = fit_of(name).report
+    updates = np.asarray(report.updates)
+    assert bool(report.converged)
+    assert updates.shape == report.steps.shape == report.residuals.shape == (4,)
+    assert (np.asarray(report.residuals) <= 1e-4).all()
+    assert (updates[2:] < updates[1:-1] / 2).all()
+    assert not np.asarray(report.filled).any()
+
+
+def test_a_step_limit_is_reported():
+    method = cf.GlobalFairing(max_steps=1)
+    values = cases.ANALYTIC["ridge"].samples()
+    with pytest.warns(UserWarning, match="max_steps"):
+        field = cf.fair_field(values, method=method)
+    assert not bool(field.report.converged)
+    assert float(field.report.residuals.max()) > 1e-4
+    np.testing.assert_array_equal(field.report.steps, 1)
+    np.testing.assert_array_equal(field.samples, values)
+    # Inside jit the flag is all: a warning would fail here.
+    report = jax.jit(lambda v: cf.fair_field(v, method=method).report)(values)
+    assert not bool(report.converged)
+
+
+# Holes -----------------------------------------------------------------------------------
+
+
+def scattered(shape):
+    return np.random.default_rng(1).uniform(size=shape) < 0.3
+
+
+def nearly_all(shape):
+    return np.random.default_rng(2).uniform(size=shape) < 0.85
+
+
+def corners(shape):
+    rows, columns = np.indices(shape)
+    rows, columns = (np.minimum(k, n - 1 - k) for k, n in zip((rows, columns), shape, strict=True))
+    return rows + columns < 3
+
+
+def rows(shape):
+    return np.isin(np.indices(shape)[0], (0, 5))
+
+
+def block(shape):
+    return (np.indices(shape) // 3 == 1).all(axis=0)
+
+
+# Largest error on a smooth field over its spread.
+# Corners and a row at the border are extrapolated.
+HOLES = {block: 0.002, scattered: 0.05, rows: 0.08, corners: 0.12, nearly_all: 0.3}
+
+
+def smooth_field():
+    x, y = cases.ANALYTIC["ridge"].points()
+    return np.sin(1.5 * x + 0.4) * np.cos(y)
+
+
+@pytest.mark.parametrize("pattern", HOLES)
+def test_holes_are_filled(pattern):
+    truth = smooth_field()
+    missing = pattern(truth.shape)
+    field = cf.fair_field(np.where(missing, np.nan, truth), method=clean())
+    assert bool(field.report.converged)
+    np.testing.assert_array_equal(field.report.filled, missing)
+    np.testing.assert_array_equal(np.asarray(field.samples)[~missing], truth[~missing])
+    net = np.asarray(field.control_points)
+    assert np.isfinite(net).all()
+    assert_c1(net)
+    assert np.abs(field.samples - truth).max() < HOLES[pattern] * np.ptp(truth)
+
+
+@pytest.mark.parametrize("known", [1, 2])
+def test_hardly_anything_is_known(known):
+    values = np.full((10, 10), np.nan)
+    values.flat[[34, 71][:known]] = [3.0, 4.0][:known]
+    field = cf.fair_field(values, method=clean())
+    net = np.asarray(field.control_points)
+    assert np.isfinite(net).all()
+    if known == 1:
+        np.testing.assert_allclose(net, 3.0, atol=1e-6)
+
+
+def test_nothing_is_known():
+    with pytest.raises(ValueError, match=r"^values must hold at least one sample"):
+        cf.fair_field(np.full((6, 5), np.nan), method=cf.GlobalFairing())
+
+
+# Noise -----------------------------------------------------------------------------------
+
+
+def noisy_field(sigma, size=24):
+    """A smooth truth, the same with noise."""
+    truth = cases.franke(*np.meshgrid(*[np.linspace(-1, 1, size)] * 2, indexing="ij"))
+    return truth, truth + sigma * np.random.default_rng(5).normal(size=truth.shape)
+
+
+@pytest.mark.parametrize(("sigma", "gain"), [(0.02, 1.5), (0.05, 2), (0.1, 3)])
+def test_noise_is_met_and_removed(sigma, gain):
+    truth, values = noisy_field(sigma)
+    method = cf.GlobalFairing(sigma=sigma, iterations=6)
+    samples = np.asarray(cf.fair_field(values, method=method).samples)
+    assert rms(samples - values) / sigma == pytest.approx(1, abs=0.15)
+    assert rms(samples - truth) < rms(values - truth) / gain
+
+
+@SLOW
+def test_noise_that_varies():
+    """Samples that are known better are followed more closely."""
+    truth, _ = noisy_field(0)
+    sigma = np.where(np.indices(truth.shape)[0] < 12, 0.005, 0.1)
+    values = truth + sigma * np.random.default_rng(5).normal(size=truth.shape)
+    samples = np.asarray(
+        cf.fair_field(values, method=cf.GlobalFairing(sigma=sigma, iterations=6)).samples
+    )
+    deviation = (samples - values) / sigma
+    assert rms(deviation) == pytest.approx(1, abs=0.15)
+    for half in (slice(12), slice(12, None)):
+        assert rms((samples - truth)[half]) < 0.8 * rms((values - truth)[half])
+
+
+def test_quantised_data():
+    truth, _ = noisy_field(0)
+    step = 0.1
+    values = step * np.round(truth / step)
+    method = cf.GlobalFairing(sigma=step / np.sqrt(12), iterations=6)
+    samples = np.asarray(cf.fair_field(values, method=method).samples)
+    assert rms(samples - truth) < rms(values - truth) / 1.5
+    assert np.abs(samples - values).max() < 1.5 * step
+
+
+# The limiter -----------------------------------------------------------------------------
+
+
+def cell_ranges(samples):
+    """Smallest and largest sample of every cell, by a loop."""
+    low = np.zeros([n - 1 for n in samples.shape])
+    high = np.zeros_like(low)
+    for cell in np.ndindex(*low.shape):
+        corners = samples[tuple(slice(k, k + 2) for k in cell)]
+        low[cell], high[cell] = corners.min(), corners.max()
+    return low, high
+
+
+@pytest.mark.parametrize("grid", [FLAT, pytest.param(SOLID, marks=SLOW)], ids=["2d", "3d"])
+def test_limiter(grid):
+    for name in ("sharp_step", "noise", "ridge", "spike"):
+        values = samples_of(name, grid)
+        field = cf.fair_field(values, spacing=grid.spacing, method=exact(limit=True))
+        net = np.asarray(field.control_points)
+        np.testing.assert_array_equal(samples_in(net), values)
+        assert_c1(net)
+        low, high = cell_ranges(values)
+        lower, upper = (np.asarray(bound) for bound in field.bounds())
+        assert (lower >= low - 1e-12).all()
+        assert (upper <= high + 1e-12).all()
+        free = cf.fair_field(values, spacing=grid.spacing, method=exact())
+        assert (np.asarray(free.bounds()[1]) > high + 1e-3).any()
+
+
+# Bad input -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("thin_plate_weight", 0.0),
+        ("thin_plate_weight", -0.1),
+        ("thin_plate_weight", 1.5),
+        ("thin_plate_weight", np.nan),
+        ("coherence", -0.1),
+        ("coherence", 3.0),
+        ("sharpness", 0),
+        ("sharpness", 1.5),
+        ("iterations", -1),
+        ("tension", -1.0),
+        ("tension", np.inf),
+        ("sigma", 0.0),
+        ("sigma", -1.0),
+        ("sigma", np.array([1.0, np.nan])),
+        ("cell_weights", np.zeros((5, 4))),
+        ("cell_weights", -np.ones((5, 4))),
+        ("tolerance", 0.0),
+        ("max_steps", 0),
+    ],
+)
+def test_settings_are_checked(name, value):
+    with pytest.raises(ValueError, match=f"^{name} must .*got"):
+        cf.GlobalFairing(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"), [("sigma", (5, 6)), ("sigma", (5,)), ("cell_weights", (6, 5))]
+)
+def test_shapes_of_settings_are_checked(name, shape):
+    method = cf.GlobalFairing(**{name: np.ones(shape)})
+    with pytest.raises(ValueError, match=f"^{name} must .*got shape"):
+        cf.fair_field(np.ones((6, 5)), method=method)
+
+
+@pytest.mark.xfail(reason="shapes of settings are not checked where the samples are traced")
+@pytest.mark.parametrize(
+    ("name", "shape"), [("sigma", (5, 6)), ("sigma", (5,)), ("cell_weights", (6, 5))]
+)
+def test_shapes_of_settings_are_checked_inside_jit(name, shape):
+    method = cf.GlobalFairing(**{name: np.ones(shape)})
+    with pytest.raises(ValueError, match=f"^{name} must .*got shape"):
+        jax.eval_shape(lambda v: cf.fair_field(v, method=method), np.ones((6, 5)))
+
+
+# Derivatives and batches -----------------------------------------------------------------
+
+FACTORS = np.random.default_rng(7).normal(size=(16, 13))
+ARGUMENTS = {
+    "values": samples_of("smooth_random", FLAT),
+    "spacing": np.array(FLAT.spacing),
+    "thin_plate_weight": np.array(0.1),
+    "coherence": np.array(1.2),
+    "tension": np.array(0.3),
+}
+
+
+def loss(arguments):
+    """A number that depends on every control point."""
+    settings = {k: v for k, v in arguments.items() if k not in ("values", "spacing")}
+    field = cf.fair_field(
+        arguments["values"], spacing=arguments["spacing"], method=exact(**settings)
+    )
+    return jnp.sum(jnp.sin(field.control_points) * FACTORS)
+
+
+gradient_of = jax.jit(jax.grad(loss))
+
+
+@functools.cache
+def gradient():
+    return gradient_of(ARGUMENTS)
+
+
+def direction_of(name):
+    size = ARGUMENTS[name].shape
+    return np.random.default_rng(8).normal(size=size) if size else np.array(1.0)
+
+
+@SLOW
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_gradients(name):
+    step = 1e-5
+    direction = direction_of(name)
+    ends = [
+        float(loss(ARGUMENTS | {name: ARGUMENTS[name] + sign * step * direction}))
+        for sign in (1, -1)
+    ]
+    difference = (ends[0] - ends[1]) / (2 * step)
+    assert abs(difference) > 1e-3
+    assert float(np.vdot(gradient()[name], direction)) == pytest.approx(difference, rel=1e-5)
+
+
+@SLOW
+def test_gradients_at_holes_and_flat_data_are_finite():
+    for values in (with_holes(ARGUMENTS["values"]), np.full(FLAT.shape, 3.7)):
+        found = gradient_of(ARGUMENTS | {"values": values})
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
+        np.testing.assert_array_equal(np.asarray(found["values"])[np.isnan(values)], 0)
+
+
+@SLOW
+def test_forward_and_reverse_agree():
+    tangents = {name: direction_of(name) for name in ARGUMENTS}
+    forward = jax.jit(lambda t: jax.jvp(loss, (ARGUMENTS,), (t,))[1])(tangents)
+    reverse = sum(np.vdot(gradient()[name], tangents[name]) for name in ARGUMENTS)
+    assert float(forward) == pytest.approx(float(reverse), rel=1e-8)
+
+
+@SLOW
+def test_batches():
+    batch = np.stack([samples_of(name, FLAT) for name in ("ridge", "noise", "smooth_random")])
+
+    def net(values):
+        return cf.fair_field(values, spacing=FLAT.spacing, method=exact()).control_points
+
+    ours = jax.jit(jax.vmap(net))(batch)
+    for values, one in zip(batch, ours, strict=True):
+        assert_close(one, net_of(values, exact(), FLAT.spacing), 1e-9)
+
+
+# The form --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(5, 4), (3, 4, 3)])
+def test_the_form_is_symmetric_and_positive(shape, rng):
+    """`apply` and `apply_in_place` are one symmetric matrix, without negative eigenvalues."""
+    ndim = len(shape)
+    form = energy_form(jnp.array([1.0, 1.5, 0.7][:ndim]), shape)
+    vectors = rng.normal(size=(2, ndim))
+    axes = [(a, b) for a in range(ndim) for b in range(a, ndim)]
+    normals = vectors[0] / np.linalg.norm(vectors[0])
+    tensor = [float(a == b) - 0.9 * normals[a] * normals[b] for a, b in axes]
+    cells = np.pad(rng.uniform(0.5, 2, [n - 1 for n in shape]), [(0, 1)] * ndim).ravel()
+    weights = jnp.asarray(np.multiply.outer([*tensor, 0.5], cells))
+    size = 2**ndim * int(np.prod(shape))
+    unit = jnp.eye(size).reshape(size, 2**ndim, -1)
+    columns = jax.jit(jax.vmap(lambda x: form.apply(weights, x)))(unit)
+    matrix = np.asarray(columns).reshape(size, size)
+    scale = np.abs(matrix).max()
+    np.testing.assert_allclose(matrix, matrix.T, rtol=0, atol=1e-13 * scale)
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    assert eigenvalues[0] > -1e-12 * eigenvalues[-1]
+    assert eigenvalues[1] > 1e-9 * eigenvalues[-1]  # only constants are free
+    dofs = jnp.asarray(rng.normal(size=(2**ndim, int(np.prod(shape)))))
+    expected = form.apply(weights, dofs)
+    assert_close(form.apply_in_place(weights, dofs), expected, 1e-13)
+
+
+@pytest.mark.parametrize("shape", [(5, 4), (3, 4, 3)])
+def test_in_place_in_several_chunks(shape, rng, monkeypatch):
+    form = structure_form(jnp.ones(len(shape)), shape)
+    groups, twos, vertices = len(form.matrices), 2 ** len(shape), int(np.prod(shape))
+    weights = jnp.asarray(rng.normal(size=(groups, vertices)))
+    # Vertices on an upper border number no cell.
+    inside = (np.indices(shape) < np.reshape(shape, (-1,) + (1,) * len(shape)) - 1).all(axis=0)
+    weights = weights * jnp.asarray(inside.ravel()[None], weights.dtype)
+    dofs = jnp.asarray(rng.normal(size=(twos, vertices)))
+    whole = form.apply(weights, dofs)
+    densities = form.densities(dofs)
+    monkeypatch.setattr("contourfair_jax._form.CHUNK_BYTES", 5_000)
+    assert form._chunk_size() < vertices
+    assert_close(form.apply(weights, dofs), whole, 1e-13)
+    assert_close(form.apply_in_place(weights, dofs), whole, 1e-13)
+    assert_close(form.densities(dofs), densities, 1e-13)
+
+
+@BOTH
+def test_report_is_of_the_samples_dtype():
+    values = np.float32(samples_of("ridge", FLAT))
+    report = cf.fair_field(values, method=cf.GlobalFairing()).report
+    assert {str(leaf.dtype) for leaf in (report.updates, report.residuals)} == {"float32"}
+    assert {report.converged.dtype.kind, report.filled.dtype.kind} == {"b"}
+    assert eqx.tree_equal(report, cf.fair_field(values, method=cf.GlobalFairing()).report)

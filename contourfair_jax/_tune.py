@@ -84,24 +84,26 @@ def tune(
     if int(jnp.sum(~jnp.isnan(values))) < 8:
         raise ValueError("values must hold at least 8 samples that are not NaN to be tuned on")
     errors = np.empty(len(CANDIDATES))
-    for sharpness in sorted({candidate[1] for candidate in CANDIDATES}):
-        rows = [k for k, candidate in enumerate(CANDIDATES) if candidate[1] == sharpness]
-        weights, _, tensions = np.array([CANDIDATES[k] for k in rows]).T
-        errors[rows] = _errors(
-            values,
-            spacing,
-            jnp.asarray(weights, values.dtype),
-            jnp.asarray(tensions, values.dtype),
-            sharpness=sharpness,
-        )
+    kinds = [(sharpness, _iterations(weight)) for weight, sharpness, _ in CANDIDATES]
+    for kind in sorted(set(kinds)):
+        rows = [k for k, other in enumerate(kinds) if other == kind]
+        weights, _, tensions = jnp.asarray([CANDIDATES[k] for k in rows], values.dtype).T
+        errors[rows] = _errors(values, spacing, weights, tensions, kind)
     weight, sharpness, tension = CANDIDATES[int(np.argmin(errors))]
+    default = GlobalFairing()
     return GlobalFairing(
         thin_plate_weight=weight,
+        iterations=min(_iterations(weight), 1) * default.iterations,
         sharpness=sharpness,
         tension=tension,
         coherence=COHERENCE,
         sigma=sigma,
     )
+
+
+def _iterations(weight: float) -> int:
+    """Iterations while candidates are compared; thin plate has no normals to renew."""
+    return 0 if weight == 1 else 2
 
 
 def cross_validation_error(
@@ -130,11 +132,12 @@ def cross_validation_error(
     return jnp.sum(total) / jnp.maximum(jnp.sum(count), 1)
 
 
-@partial(jax.jit, static_argnames="sharpness")
+@partial(jax.jit, static_argnames="kind")
 def _errors(
-    values: Array, spacing: Array, weights: Array, tensions: Array, *, sharpness: int
+    values: Array, spacing: Array, weights: Array, tensions: Array, kind: tuple[int, int]
 ) -> Float[Array, " candidates"]:
     """Cross-validation errors of many settings, one after the other in one program."""
+    sharpness, iterations = kind
 
     def error(setting: tuple[Array, Array]) -> Array:
         method = GlobalFairing(
@@ -142,7 +145,7 @@ def _errors(
             tension=setting[1],
             coherence=COHERENCE,
             sharpness=sharpness,
-            iterations=2,
+            iterations=iterations,
             tolerance=TOLERANCE,
             max_steps=MAX_STEPS,
         )

@@ -13,6 +13,7 @@ import numpy as np
 
 from ._basis import bernstein
 from ._cells import Cells
+from ._codes import Codes
 from ._ragged import ranges
 from ._roots import cubic_root
 from ._subdivide import MAX_DEPTH, Leaves
@@ -33,18 +34,17 @@ class Arcs:
         Vertices of each arc but its last.
     points : array, shape (count.sum(), 2)
         Vertices of all arcs but their last.
-    ends : array, shape (2, n, 2)
-        First and last vertices.
-    edges : array of int, shape (2, 4, n)
-        What `ends` lie on: the axis that is constant along the edge, its value in units of
-        `2**-MAX_DEPTH` cells, the cell along the edge, and 1 where the arc passes it upwards.
+    stops : array, shape (n, 2)
+        The last vertices.
+    codes : array of int, shape (n, 2)
+        Numbers of the crossings of edges where an arc starts and stops; see `Codes`.
     """
 
     level: np.ndarray
     count: np.ndarray
     points: np.ndarray
-    ends: np.ndarray
-    edges: np.ndarray
+    stops: np.ndarray
+    codes: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class _Pieces:
     reverse: np.ndarray
 
 
-def arcs(leaves: Leaves, levels: np.ndarray) -> list[Arcs]:
+def arcs(leaves: Leaves, levels: np.ndarray, codes: Codes) -> list[Arcs]:
     """The arcs of all levels in the leaves, one group for each number of strips."""
     found = []
     for strips in range(1, int(leaves.strips.max(initial=0)) + 1):
@@ -68,8 +68,25 @@ def arcs(leaves: Leaves, levels: np.ndarray) -> list[Arcs]:
         cells, swapped = leaves.cells.take(chosen), leaves.swapped[chosen]
         pieces = _pieces(cells, swapped, levels)
         if len(pieces.leaf):
-            found.append(_arcs(cells, swapped, strips, pieces))
+            found.append(_arcs(cells, swapped, strips, pieces, codes))
     return found
+
+
+def concatenate(found: list[Arcs]) -> Arcs:
+    """All arcs in one; takes them out of the list, so that little is held twice."""
+    columns = [
+        [part.level for part in found],
+        [part.count for part in found],
+        [part.points for part in found],
+        [part.stops for part in found],
+        [part.codes for part in found],
+    ]
+    found.clear()
+    empty = (np.empty(0, np.int32), np.empty(0, np.int8), *[np.empty((0, 2))] * 2)
+    whole = []
+    for none in (*empty, np.empty((0, 2), int)):
+        whole.append(np.concatenate([none, *columns.pop(0)]))
+    return Arcs(*whole)
 
 
 def _pieces(cells: Cells, swapped: np.ndarray, levels: np.ndarray) -> _Pieces:
@@ -116,7 +133,7 @@ def _pieces(cells: Cells, swapped: np.ndarray, levels: np.ndarray) -> _Pieces:
     )
 
 
-def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces) -> Arcs:
+def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces, codes: Codes) -> Arcs:
     """Solve for the vertices, leave the axes of the leaves, and give the direction."""
     shape = (strips + 1, len(pieces.leaf))
     along = np.empty((2, *shape))
@@ -147,11 +164,11 @@ def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces) -> Ar
     used = np.where(pieces.reverse, used[::-1], used)
     starts = used[:-1].T
     return Arcs(
-        level=pieces.level,
-        count=starts.sum(1),
+        level=pieces.level.astype(np.int32),
+        count=starts.sum(1, dtype=np.int8),
         points=along[:, :-1].transpose(2, 1, 0)[starts],
-        ends=along[:, [0, -1]].transpose(1, 2, 0),
-        edges=_edges(cells, turned, pieces),
+        stops=np.ascontiguousarray(along[:, -1].T),
+        codes=_crossings(cells, turned, pieces, codes),
     )
 
 
@@ -161,8 +178,8 @@ def _weights(strips: int) -> np.ndarray:
     return bernstein(3, np.arange(strips + 1) / strips)
 
 
-def _edges(cells: Cells, turned: np.ndarray, pieces: _Pieces) -> np.ndarray:
-    """Names of the edges that the ends lie on; see `Arcs`."""
+def _crossings(cells: Cells, turned: np.ndarray, pieces: _Pieces, codes: Codes) -> np.ndarray:
+    """Numbers of the crossings where arcs start and stop."""
     sides = np.where(pieces.reverse, pieces.sides[::-1], pieces.sides)
     constant, upper = sides >> 1, sides & 1
     corner = cells.corner[:, pieces.leaf]
@@ -170,4 +187,5 @@ def _edges(cells: Cells, turned: np.ndarray, pieces: _Pieces) -> np.ndarray:
     across = np.where(constant == 0, corner[1], corner[0])
     finest = MAX_DEPTH - cells.depth
     passes_up = upper == np.array([[0], [1]])
-    return np.stack([constant ^ turned, value << finest, across >> cells.depth, passes_up], axis=1)
+    axis, value, cell = constant ^ turned, value << finest, across >> cells.depth
+    return codes.encode(pieces.level, axis, value, cell, passes_up).T

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._codes import Codes
 from ._link import Lines, chains
 from ._subdivide import MAX_DEPTH
 
@@ -67,7 +68,7 @@ def border_of(valid: np.ndarray) -> Border:
     return Border(start[order], direction[order], bounds)
 
 
-def border_ends(border: Border, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+def border_ends(border: Border, lines: Lines, codes: Codes) -> tuple[np.ndarray, np.ndarray]:
     """Where on the border lines that are not closed start and stop.
 
     Returns
@@ -80,7 +81,7 @@ def border_ends(border: Border, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
     points = np.stack([lines.points[lines.bounds[:-1]], lines.points[lines.bounds[1:] - 1]])
     edges, parts = np.full(points.shape[:2], -1), np.zeros(points.shape[:2])
     for stops in (0, 1):
-        axis, value, cell, up = lines.edges[stops]
+        axis, value, cell, up = codes.decode(lines.codes[:, stops])
         below = up == stops  # The cell with values is on the lower side of the edge.
         direction = np.where(axis == 0, np.where(below, 1, 3), np.where(below, 2, 0))
         across, along = value >> MAX_DEPTH, cell + (direction >= 2)

@@ -4,11 +4,14 @@ The border of a band {lower < f <= upper} follows lines of the lower level forwa
 upper level backwards, and the border of the grid from where one stops to where the next starts.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ._border import border_ends, border_of
+from ._codes import Codes
 from ._lengths import signed_area
-from ._link import Lines, chains
+from ._link import Lines, chains, concatenate
 from ._nest import parents
 
 Polygon = tuple[np.ndarray, ...]
@@ -22,18 +25,23 @@ class Filler:
     samples : array, shape (n_1, n_2)
     valid : array of bool, shape (n_1 - 1, n_2 - 1)
         Cells that have values.
-    lines : Lines
+    parts : sequence of Lines
+        All lines of the levels.
+    codes : Codes
     """
 
-    def __init__(self, samples: np.ndarray, valid: np.ndarray, lines: Lines) -> None:
+    def __init__(
+        self, samples: np.ndarray, valid: np.ndarray, parts: Sequence[Lines], codes: Codes
+    ) -> None:
         self._border = border_of(valid)
         self._turns = self._border.turns()
-        self._edge, self._rank = border_ends(self._border, lines)
+        lines = concatenate(parts)
+        self._edge, self._rank = border_ends(self._border, lines, codes)
         self._level = lines.level
         self._pieces = lines.pieces()
-        usable = np.array([len(piece) > 1 for piece in self._pieces], dtype=bool)
-        self._loops = np.flatnonzero(lines.closed & (np.diff(lines.bounds) > 3))
-        self._open = np.flatnonzero(usable & (self._edge >= 0).all(0))
+        vertices = np.diff(lines.bounds)
+        self._loops = np.flatnonzero(lines.closed & (vertices > 3))
+        self._open = np.flatnonzero((vertices > 1) & (self._edge >= 0).all(0))
         first = self._border.start[self._border.bounds[:-1]]
         self._at_border = samples[first[:, 0], first[:, 1]]
 
@@ -82,8 +90,8 @@ class Filler:
             parts.append(pieces[k])
             follower = follows[k]
             if follower >= 0:
-                wraps = rank[0, follower] < rank[1, k]
-                parts.append(self._walk(edge[1, k], edge[0, follower], wraps))
+                wraps = bool(rank[0, follower] < rank[1, k])
+                parts.append(self._walk(int(edge[1, k]), int(edge[0, follower]), wraps))
             if after < 0 or head[after] != head[k]:
                 rings += _simple(np.concatenate([*parts, parts[0][:1]]))
                 parts = []

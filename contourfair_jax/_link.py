@@ -5,22 +5,22 @@ passing it in the same direction.  Leaves of different sizes meet along edges of
 so what is compared is the straight line that the edge is part of, and the rank of the crossing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ._arcs import Arcs
-from ._ragged import ranges
-from ._subdivide import MAX_DEPTH
+from ._codes import RANKS, Codes
+from ._ragged import batches, ranges
 
-# More than a level crosses a straight line within a cell in one direction: a cubic has three roots.
-_RANKS = 8
+# Arcs joined in one go, of as many levels as that takes.
+_BATCH = 1 << 16
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Lines of all levels, sorted by level, in units of cells; larger values on their left.
+    """Lines sorted by level, in units of cells; larger values on their left.
 
     Parameters
     ----------
@@ -31,43 +31,58 @@ class Lines:
         Line k is `points[bounds[k] : bounds[k + 1]]`.
     level : array of int, shape (lines,)
     closed : array of bool, shape (lines,)
-    edges : array of int, shape (2, 4, lines)
-        Where lines that are not closed start and stop, as in `Arcs`.
+    codes : array of int, shape (lines, 2)
+        Numbers of the crossings where lines that are not closed start and stop; see `Codes`.
     """
 
     points: np.ndarray
     bounds: np.ndarray
     level: np.ndarray
     closed: np.ndarray
-    edges: np.ndarray
+    codes: np.ndarray
 
     def pieces(self) -> list[np.ndarray]:
         """The vertices of each line."""
         return np.split(self.points, self.bounds[1:-1]) if len(self.level) else []
 
 
-def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> Lines:
-    """Join arcs to lines.
+def link(arcs: Arcs, codes: Codes) -> Iterator[Lines]:
+    """Join arcs to lines, some levels after the other."""
+    by_level = np.argsort(arcs.level, kind="stable")
+    per_level = np.bincount(arcs.level, minlength=codes.levels)
+    offset = np.cumsum(arcs.count, dtype=int) - arcs.count
+    done = 0
+    for levels in batches(per_level, _BATCH):
+        size = int(per_level[levels].sum())
+        if not size:
+            continue
+        chosen = by_level[done : done + size]
+        done += size
+        yield _link(arcs, chosen, offset, codes)
 
-    Parameters
-    ----------
-    found : sequence of Arcs
-    n_levels : int
-    shape : tuple of int
-        Cells of the grid along each axis.
-    """
-    if not found:
-        none = np.empty(0, int)
-        loops = none.astype(bool)
-        return Lines(np.empty((0, 2)), np.zeros(1, int), none, loops, np.empty((2, 4, 0), int))
-    level = np.concatenate([part.level for part in found])
-    count = np.concatenate([part.count for part in found])
-    points = np.concatenate([part.points for part in found])
-    ends = np.concatenate([part.ends for part in found], axis=1)
-    edges = np.concatenate([part.edges for part in found], axis=-1)
-    codes = _codes(level, edges, n_levels, shape)
-    starts, stops = (_ranked(codes[k], edges[k, 0], ends[k]) for k in (0, 1))
-    follows = _matches(*starts, *stops)
+
+def concatenate(parts: Sequence[Lines]) -> Lines:
+    """Lines of successive levels in one."""
+    shifts = np.cumsum([0, *(len(part.points) for part in parts)])
+    none = np.empty((0, 2))
+    return Lines(
+        np.concatenate([none, *(part.points for part in parts)]),
+        np.concatenate(
+            [np.zeros(1, int), *(p.bounds[1:] + s for p, s in zip(parts, shifts, strict=False))]
+        ),
+        np.concatenate([none[:, 0].astype(np.int32), *(part.level for part in parts)]),
+        np.concatenate([none[:, 0].astype(bool), *(part.closed for part in parts)]),
+        np.concatenate([none.astype(int), *(part.codes for part in parts)]),
+    )
+
+
+def _link(arcs: Arcs, chosen: np.ndarray, offset: np.ndarray, codes: Codes) -> Lines:
+    """The lines that some arcs make; these are all of their levels."""
+    level, count, offset = arcs.level[chosen], arcs.count[chosen].astype(int), offset[chosen]
+    crossings, starts, stops = arcs.codes[chosen], arcs.points[offset], arcs.stops[chosen]
+    follows = _matches(
+        *_ranked(crossings[:, 0], starts, codes), *_ranked(crossings[:, 1], stops, codes)
+    )
     head, rank, closed = chains(follows)
     heads = np.flatnonzero(rank == 0)
     heads = heads[np.argsort(level[heads], kind="stable")]
@@ -75,44 +90,33 @@ def link(found: Sequence[Arcs], n_levels: int, shape: tuple[int, int]) -> Lines:
     number[heads] = np.arange(len(heads))
     number = number[head]
     order = np.argsort(number * (rank.max() + 1) + rank)
-    last = np.append(np.flatnonzero(np.diff(number[order])), len(order) - 1)
-    offset = np.cumsum(count) - count
-    joined = points[ranges(offset[order], count[order])]
-    bounds = np.append(0, np.cumsum(count[order])[last])
-    final = np.where(closed[heads, None], ends[0, heads], ends[1, order[last]])
-    joined = np.insert(joined, bounds[1:], final, axis=0)
-    bounds = bounds + np.arange(len(bounds))
-    points, bounds = _without_repeats(joined, bounds)
-    outer = np.stack([edges[0][:, heads], edges[1][:, order[last]]])
-    return Lines(points, bounds, level[heads], closed[heads], outer)
+    last = order[np.append(np.flatnonzero(np.diff(number[order])), len(order) - 1)]
+    # Every arc brings its vertices but the last, and then every line its last one.
+    sizes = np.bincount(number, count).astype(int)
+    bounds = np.append(0, np.cumsum(sizes + 1))
+    points = np.empty((bounds[-1], 2))
+    inner = np.full(len(points), True)
+    inner[bounds[1:] - 1] = False
+    points[inner] = arcs.points[ranges(offset[order], count[order])]
+    points[bounds[1:] - 1] = np.where(closed[heads, None], starts[heads], stops[last])
+    outer = np.stack([crossings[heads, 0], crossings[last, 1]], axis=1)
+    return Lines(*_without_repeats(points, bounds), level[heads], closed[heads], outer)
 
 
-def _codes(level: np.ndarray, edges: np.ndarray, n_levels: int, shape: tuple) -> np.ndarray:
-    """One number for level, line, cell along it and direction, of both ends; room for a rank."""
-    most = max(shape)
-    values = (most << MAX_DEPTH) + 1
-    if n_levels * 2 * values * most * 2 * _RANKS >= 1 << 63:
-        raise ValueError(
-            f"levels: {n_levels} are too many for {shape[0]} x {shape[1]} cells; "
-            "call once for each part of them"
-        )
-    axis, value, cell, up = edges.transpose(1, 0, 2)
-    return (((level * 2 + axis) * values + value) * most + cell) * 2 + up
-
-
-def _ranked(code: np.ndarray, axis: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The order of the codes along the lines, and in this order each with its rank among equals."""
+def _ranked(code: np.ndarray, at: np.ndarray, codes: Codes) -> tuple[np.ndarray, np.ndarray]:
+    """The order of crossings along the lines, and in this order each with its rank among equals."""
     order = np.argsort(code)
     ordered = code[order]
     equal = np.flatnonzero(ordered[1:] == ordered[:-1])
     tied = np.union1d(equal, equal + 1)
     chosen = order[tied]
-    along = np.where(axis[chosen] == 0, at[chosen, 1], at[chosen, 0])
+    axis = codes.decode(ordered[tied])[0]
+    along = np.where(axis == 0, at[chosen, 1], at[chosen, 0])
     order[tied] = chosen[np.lexsort((along, ordered[tied]))]
     first = np.flatnonzero(np.diff(ordered[tied], prepend=-1))
     length = np.diff(first, append=len(tied))
-    ordered *= _RANKS
-    ordered[tied] += np.minimum(np.arange(len(tied)) - np.repeat(first, length), _RANKS - 1)
+    ordered *= RANKS
+    ordered[tied] += np.minimum(np.arange(len(tied)) - np.repeat(first, length), RANKS - 1)
     return order, ordered
 
 

@@ -12,13 +12,14 @@ roundings of the largest sample: a plateau counts as below its own level.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias, overload
 
 import numpy as np
 
-from ._arcs import Arcs, arcs
+from ._arcs import Arcs, arcs, concatenate
 from ._cells import cells_with_values, grid_cells
+from ._codes import Codes
 from ._field import BezierField
 from ._fill import Filler, Polygon
 from ._lengths import signed_area
@@ -114,15 +115,17 @@ def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Con
     chosen = check_levels(levels)
     check_tolerance(tolerance)
     net, spacing, origin = host_arrays(field)
-    found, unproved = trace(net, raised(net, chosen), tolerance)
-    linked = link(found, len(chosen), (net.shape[0] // 3, net.shape[1] // 3))
-    linked = replace(linked, points=linked.points * spacing + origin)
-    values, loops = chosen[linked.level].tolist(), linked.closed.tolist()
-    lines = [
-        ContourLine(value, piece, loop)
-        for value, piece, loop in zip(values, linked.pieces(), loops, strict=True)
-        if len(piece) > 1 + 2 * loop
-    ]
+    codes = Codes(len(chosen), max(net.shape) // 3)
+    found, unproved = trace(net, raised(net, chosen), tolerance, codes)
+    lines = []
+    for part in link(found, codes):
+        part.points[:] = part.points * spacing + origin
+        values, loops = chosen[part.level].tolist(), part.closed.tolist()
+        lines += [
+            ContourLine(value, piece, loop)
+            for value, piece, loop in zip(values, part.pieces(), loops, strict=True)
+            if len(piece) > 1 + 2 * loop
+        ]
     notes = _notes(chosen, lines, unproved)
     return Contours(tuple(lines), tuple(chosen.tolist()), unproved, notes)
 
@@ -181,9 +184,10 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[
     check_tolerance(tolerance)
     net, spacing, origin = host_arrays(field)
     traced = raised(net, finite)
-    found, _ = trace(net, traced, tolerance)
-    shape = (net.shape[0] // 3, net.shape[1] // 3)
-    filler = Filler(net[::3, ::3], cells_with_values(net), link(found, len(finite), shape))
+    codes = Codes(len(finite), max(net.shape) // 3)
+    found, _ = trace(net, traced, tolerance, codes)
+    parts = list(link(found, codes))
+    filler = Filler(net[::3, ::3], cells_with_values(net), parts, codes)
     limits = np.concatenate([ends[ends == -np.inf], traced, ends[ends == np.inf]])
     number = np.searchsorted(finite, ends)
     number[ends == -np.inf] = -1
@@ -196,15 +200,16 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[
     return bands
 
 
-def trace(net: np.ndarray, levels: np.ndarray, tolerance: float) -> tuple[list[Arcs], int]:
+def trace(net: np.ndarray, levels: np.ndarray, tolerance: float, codes: Codes) -> tuple[Arcs, int]:
     """The arcs of sorted levels in a control net, and how many pieces were not proved."""
-    found, unproved = [], 0
+    found: list[Arcs] = []
+    unproved = 0
     rounding = 4 * _rounding(net)
     for cells in grid_cells(net, levels):
         for group in leaves(cells, levels, tolerance, rounding):
             unproved += int(np.count_nonzero(~group.proved))
-            found += arcs(group, levels)
-    return found, unproved
+            found += arcs(group, levels, codes)
+    return concatenate(found), unproved
 
 
 def raised(net: np.ndarray, levels: np.ndarray) -> np.ndarray:

@@ -576,6 +576,18 @@ def test_in_place_in_several_chunks(shape, rng, monkeypatch):
 
 
 @BOTH
+def test_no_foreign_calls():
+    """Noise, weights and the limiter call no LAPACK either; a bare method: `test_watchdog`."""
+    method = cf.GlobalFairing(sigma=0.1, cell_weights=np.ones((5, 4), np.float32), limit=True)
+
+    def total(values):
+        return cf.fair_field(values, method=method).control_points.sum()
+
+    lowered = jax.jit(jax.value_and_grad(total)).lower(jax.ShapeDtypeStruct((6, 5), "float32"))
+    assert "custom_call" not in lowered.as_text()
+
+
+@BOTH
 def test_report_is_of_the_samples_dtype():
     values = np.float32(samples_of("ridge", FLAT))
     report = cf.fair_field(values, method=cf.GlobalFairing()).report

@@ -1,0 +1,163 @@
+"""Settings chosen by cross-validation: what is chosen, what is refused, and derivatives."""
+
+import functools
+
+import cases
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import contourfair_jax as cf
+from contourfair_jax._tune import CANDIDATES, cross_validation_error
+
+BOTH = pytest.mark.both_precisions
+SLOW = pytest.mark.slow
+RIDGE = cases.ANALYTIC["ridge"].samples()
+
+
+@functools.cache
+def tuned(name):
+    """The method chosen for a field; all have one shape, so one program serves them."""
+    fields = {
+        "ridge": RIDGE,
+        "noise": np.random.default_rng(3).normal(size=RIDGE.shape),
+        "constant": np.full(RIDGE.shape, 3.7),
+        "holes": np.where(np.random.default_rng(4).uniform(size=RIDGE.shape) < 0.2, np.nan, RIDGE),
+    }
+    return cf.tune(fields[name])
+
+
+def settings(method):
+    return (
+        float(method.thin_plate_weight),
+        method.sharpness,
+        float(method.tension),
+        float(method.coherence),
+    )
+
+
+@BOTH
+def test_small_weights_for_a_ridge(x64):
+    method = cf.tune(RIDGE if x64 else np.float32(RIDGE))
+    assert isinstance(method, cf.GlobalFairing)
+    assert method.sharpness == 2
+    assert float(method.thin_plate_weight) <= 0.01
+
+
+def test_deterministic():
+    assert settings(cf.tune(RIDGE)) == settings(tuned("ridge"))
+
+
+def test_chosen_settings_are_more_accurate():
+    case = cases.ANALYTIC["ridge"]
+    errors = [
+        np.sqrt(np.mean((cf.fair_field(RIDGE, method=m).refine(8) - case.refined(8)) ** 2))
+        for m in (tuned("ridge"), cf.GlobalFairing(thin_plate_weight=1.0))
+    ]
+    assert errors[0] < errors[1] / 2
+
+
+def test_tension_for_noise():
+    """Between samples that know nothing of each other, the flattest field is the best guess."""
+    weight, _, tension, _ = settings(tuned("noise"))
+    assert weight == 1
+    assert tension >= 4
+
+
+def test_scale_spacing_and_offset_do_not_matter():
+    for values, spacing in ((1e6 * RIDGE + 1e3, 1.0), (RIDGE, 30.0), (-RIDGE, (1.0, 1.0))):
+        assert settings(cf.tune(values, spacing=spacing)) == settings(tuned("ridge"))
+
+
+def test_missing_samples():
+    method = tuned("holes")
+    assert float(method.thin_plate_weight) <= 0.05
+
+
+def test_constant():
+    weight, sharpness, tension, _ = settings(tuned("constant"))
+    assert (weight, sharpness, tension) in CANDIDATES
+
+
+def test_sigma_is_passed_on():
+    assert cf.tune(RIDGE, sigma=0.01).sigma == 0.01
+    with pytest.raises(ValueError, match=r"^sigma must"):
+        cf.tune(RIDGE, sigma=-1.0)
+
+
+@SLOW
+def test_volume():
+    x, y, z = np.meshgrid(*[np.linspace(-1, 1, 7)] * 3, indexing="ij")
+    method = cf.tune(np.exp(-((4 * (x - 0.8 * y + 0.3 * z)) ** 2)))
+    assert float(method.thin_plate_weight) < 1
+
+
+# Bad input -------------------------------------------------------------------------------
+
+
+def test_too_few_samples():
+    values = np.full((6, 5), np.nan)
+    values.flat[:7] = 1.0
+    with pytest.raises(ValueError, match=r"^values must hold at least 8 samples"):
+        cf.tune(values)
+
+
+def test_not_inside_jit():
+    with pytest.raises(ValueError, match=r"^values must be known.*jit"):
+        jax.jit(lambda v: cf.tune(v).thin_plate_weight)(RIDGE)
+
+
+@pytest.mark.parametrize(
+    ("values", "spacing", "name"),
+    [
+        (np.zeros(8), 1.0, "values"),
+        (np.zeros((2, 8)), 1.0, "values"),
+        (np.zeros((4, 8)), 0.0, "spacing"),
+        (np.zeros((4, 8)), (1.0, 1.0, 1.0), "spacing"),
+    ],
+)
+def test_bad_input(values, spacing, name):
+    with pytest.raises(ValueError, match=f"^{name} must"):
+        cf.tune(values, spacing=spacing)
+
+
+# Derivatives -----------------------------------------------------------------------------
+
+
+def error(parameters):
+    method = cf.GlobalFairing(
+        thin_plate_weight=parameters[0],
+        coherence=parameters[1],
+        tension=parameters[2],
+        iterations=2,
+        sharpness=2,
+        tolerance=1e-12,
+    )
+    return cross_validation_error(method, jnp.asarray(RIDGE), jnp.ones(2))
+
+
+@SLOW
+def test_cross_validation_error_is_differentiable_in_the_settings():
+    at, step = np.array([0.05, 1.2, 0.3]), 1e-5
+    value, gradient = jax.jit(jax.value_and_grad(error))(at)
+    value_of = jax.jit(error)
+    assert float(value) == pytest.approx(float(value_of(at)), rel=1e-9)
+    for k in range(3):
+        ends = [float(value_of(at + sign * step * np.eye(3)[k])) for sign in (1, -1)]
+        difference = (ends[0] - ends[1]) / (2 * step)
+        assert abs(difference) > 1e-8
+        assert float(gradient[k]) == pytest.approx(difference, rel=1e-4)
+
+
+@SLOW
+def test_cross_validation_error_by_hand():
+    """Drop either colour, fit, compare there."""
+    colour = np.indices(RIDGE.shape).sum(axis=0) % 2
+    method = cf.GlobalFairing(thin_plate_weight=0.01, sharpness=2)
+    squares = []
+    for dropped in (0, 1):
+        field = cf.fair_field(np.where(colour == dropped, np.nan, RIDGE), method=method)
+        squares.extend(((np.asarray(field.samples) - RIDGE) ** 2)[colour == dropped])
+    ours = cross_validation_error(method, jnp.asarray(RIDGE), jnp.ones(2))
+    assert float(ours) == pytest.approx(np.mean(squares), rel=1e-6)

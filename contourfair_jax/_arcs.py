@@ -136,7 +136,7 @@ def _pieces(cells: Cells, swapped: np.ndarray, levels: np.ndarray) -> _Pieces:
 def _arcs(cells: Cells, swapped: np.ndarray, strips: int, pieces: _Pieces, codes: Codes) -> Arcs:
     """Solve for the vertices, leave the axes of the leaves, and give the direction."""
     shape = (strips + 1, len(pieces.leaf))
-    along = np.empty((2, *shape))
+    along = np.zeros((2, *shape))
     used = np.full(shape, True)
     for row in range(strips + 1):
         b = row / strips

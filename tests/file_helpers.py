@@ -1,6 +1,7 @@
 """Helpers of the tests of files: reading without a child process, and comparing places."""
 
 import warnings
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -40,5 +41,13 @@ def placed(grid: Grid) -> np.ndarray:
 
 
 def same_places(left: Grid, right: Grid, rtol: float = 1e-6) -> None:
-    """Every sample of one grid is in the other, at the same place of the world."""
+    """Every sample of one grid is in the other, at the same place of the world.
+
+    Worlds whose x and y have opposite signs, as the formats of medicine say they have, are the
+    same.
+    """
+    spaces = {grid.metadata.get("space", "") for grid in (left, right)}
+    if len(spaces) == 2 and "" not in spaces:
+        flip = np.diag([*(1.0 if axis == "z" else -1.0 for axis in right.axes), 1.0])
+        right = replace(right, affine=flip @ right.affine, origin=())
     np.testing.assert_allclose(placed(left), placed(right), rtol=rtol, atol=1e-9)

@@ -106,7 +106,8 @@ def _samples(image: Dataset) -> np.ndarray:
     frames = int(image.get("NumberOfFrames") or 1)
     check_memory(8 * frames * image.Rows * image.Columns, f"an image of {frames} frames")
     raw = np.asarray(image.pixel_array).reshape(frames, image.Rows, image.Columns)
-    slopes = [float(_look(image, "RescaleSlope", k, 1)) for k in range(frames)]
+    dose = image.get("DoseGridScaling") or 1
+    slopes = [float(_look(image, "RescaleSlope", k, dose)) for k in range(frames)]
     offsets = [float(_look(image, "RescaleIntercept", k, 0)) for k in range(frames)]
     if set(slopes) == {1.0} and all(offset.is_integer() for offset in offsets):
         values = _narrow(raw.astype(np.int64) + np.array(offsets, np.int64)[:, None, None])
@@ -146,7 +147,7 @@ def _grid(
             affine[:3, 2] = _step(positions)
     metadata = {new: str(image.get(old) or "") for old, new in _KEPT.items()}
     metadata |= {"space": LPS if positions is not None else "", "space units": "mm"}
-    kind = str(_look(image, "RescaleType", 0, ""))
+    kind = str(_look(image, "RescaleType", 0, image.get("DoseUnits") or ""))
     return volume_grid(
         values[tuple(index)],
         values.shape,

@@ -25,7 +25,8 @@ from ._limits import check_memory
 from ._volume import SPATIAL, not_kept, select, to_store, to_xyz, volume_grid, zyx
 
 _COMPONENT = "component"
-_ERROR = re.compile(r"^ERROR: In .*\n(?:\w+ \(0x[0-9a-f]+\): )?(.*)", re.MULTILINE)
+# Some errors come as warnings.
+_SAID = re.compile(r"^(ERROR|.*Warning): In .*\n(?:\w+ \(0x[0-9a-f]+\): )?(.*)", re.MULTILINE)
 _LEGACY_TYPES = {
     "int8": "char",
     "uint8": "unsigned_char",
@@ -118,10 +119,11 @@ class _Errors:
         vtkOutputWindow.SetInstance(self._window)
 
     def __exit__(self, kind, error, trace) -> None:
-        said = _ERROR.search(self._window.GetOutput() or "")
+        found = _SAID.findall(self._window.GetOutput() or "")
+        said = [text for kind, text in found if kind == "ERROR" or "error" in text.lower()]
         vtkOutputWindow.SetInstance(self._before)
         if error is None and said:
-            raise InputError(f"is damaged or no image data ({said[1].strip()})")
+            raise InputError(f"is damaged or no image data ({said[0].strip()})")
 
 
 def _run(reader) -> vtkImageData:

@@ -80,8 +80,7 @@ def fair_field(
         method = LocalFairing()
     if not isinstance(method, AbstractFairing):
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
-    if not is_traced(values):
-        method = method.prepare(values)
+    method = method.prepare(values)
     net, report = _fit(_settings_as_arrays(method, values.dtype), values, spacing)
     if not is_traced(net):
         method.warn(report)

@@ -26,7 +26,7 @@ from ._form import CellForm, energy_form, structure_form
 from ._hermite import cell_mask, cells_to_row, row_to_cells, to_net
 from ._limit import limit_slopes
 from ._merge import set_samples
-from ._method import AbstractFairing, FitReport
+from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import coarse_correction, has_wide_holes
 from ._normals import LARGEST_COHERENCE, coherent_normals
 
@@ -225,6 +225,8 @@ class GlobalFairing(AbstractFairing):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)
         cells = tuple(n - 1 for n in values.shape)
         _check.check_shape(self.cell_weights, cells, "cell_weights")
+        if is_traced(values):
+            return self
         missing = np.isnan(np.asarray(values))
         if missing.all():
             raise ValueError(

@@ -44,9 +44,10 @@ class AbstractFairing(eqx.Module):
         """Control net with 3 (n - 1) + 1 points per axis, the samples at every third."""
 
     def prepare(self, values: Float[Array, "*shape"]) -> "AbstractFairing":
-        """The method for these samples, called outside jit only.
+        """The method for these samples, which may be traced.
 
-        Raises ValueError for samples the method has no answer for.
+        Raises ValueError for settings whose shape does not fit, and for known samples that the
+        method has no answer for.
         """
         return self
 

@@ -443,7 +443,6 @@ def test_shapes_of_settings_are_checked(name, shape):
         cf.fair_field(np.ones((6, 5)), method=method)
 
 
-@pytest.mark.xfail(reason="shapes of settings are not checked where the samples are traced")
 @pytest.mark.parametrize(
     ("name", "shape"), [("sigma", (5, 6)), ("sigma", (5,)), ("cell_weights", (6, 5))]
 )

@@ -5,9 +5,8 @@ Writes finer samples, contours and a picture, and prints what was measured.
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -37,6 +36,8 @@ INTERVAL, OFFSET = 50.0, 0.5
 ROWS, COLUMNS, CLOSE = (44, 62), (350, 370), 20.0
 
 Method = Callable[[Grid], BezierField]
+
+app = typer.Typer(add_completion=False)
 
 
 def bilinear(grid: Grid) -> BezierField:
@@ -103,7 +104,8 @@ class Measures:
 def measure(field: BezierField, grid: Grid, lines: Contours, seconds: float) -> Measures:
     """The figures of one method."""
     index = np.stack(np.meshgrid(*map(np.arange, grid.shape), indexing="ij"), axis=-1)
-    at_samples = np.asarray(field(field.origin + field.spacing * index, outside="extend"))
+    points = np.asarray(grid.origin) + np.asarray(grid.spacing) * index
+    at_samples = np.asarray(field(points, outside="extend"))
     levels = metrics.level_metrics(lines, step=0.25 * min(grid.spacing))
     return Measures(
         sample_error=float(np.max(np.abs(at_samples - grid.values))),
@@ -129,9 +131,9 @@ def cut(field: BezierField, rows: tuple[int, int], columns: tuple[int, int]) -> 
     return BezierField(net, field.spacing, origin)
 
 
-def render(rows: Mapping[str, Measures], levels: Sequence[float]) -> Table:
+def render(rows: Mapping[str, Measures]) -> Table:
     """The table of methods."""
-    table = Table(title=f"contours at {len(levels)} levels, {INTERVAL:g} m apart")
+    table = Table(title=f"contours every {INTERVAL:g} m")
     table.add_column("method")
     headings = ("error at\nsamples, m", "slope jump,\nrelative", "contours", "turns")
     for heading in (*headings, "bending,\n1/m", "build, s"):
@@ -170,8 +172,8 @@ def store(field: BezierField, lines: Contours, grid: Grid, folder: Path) -> list
 
 def run(
     grid: Grid, folder: Path, methods: Mapping[str, Method], say: Reporter
-) -> tuple[Table, list[Path]]:
-    """Build the fields, write the files; returns the table and the names of the files."""
+) -> tuple[dict[str, Measures], list[Path]]:
+    """Build the fields, write the files; returns what was measured and the names of the files."""
     levels = levels_between(grid.values, INTERVAL)
     fields, rows, written = {}, {}, []
     for name, method in methods.items():
@@ -187,9 +189,10 @@ def run(
     with say.working("drawing"):
         written.append(folder / "comparison.png")
         picture(fields, grid, written[-1])
-    return render(rows, levels), written
+    return rows, written
 
 
+@app.command()
 def main(
     folder: Annotated[Path, typer.Option(help="Where to write.")] = Path("demo"),
     tune: Annotated[
@@ -206,14 +209,14 @@ def main(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with precision(single=False):
-            table, written = run(grid, folder, methods, say)
+            rows, written = run(grid, folder, methods, say)
     except (InputError, OSError) as error:
         say.error(str(error))
-        sys.exit(2)
-    console.print(table)
+        raise typer.Exit(2) from error
+    console.print(render(rows))
     for path in written:
         console.print(f"wrote {path}")
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

@@ -63,8 +63,9 @@ bench: $(READY) ## Run every benchmark (long) and rewrite the tables of the READ
 tables: $(READY) ## Rewrite the tables of the README from the stored results.
 	$(BIN)/python -m benchmarks tables
 
-figures: demo ## Redraw the stored pictures: the paper's figures and the demo's.
-	CONTOURFAIR_FIGURES=notebooks/pictures $(BIN)/python notebooks/01_paper_figures.py
+figures: demo ## Redraw the stored pictures: those of the notebooks, and the demo's.
+	for notebook in notebooks/*.py; do \
+		CONTOURFAIR_FIGURES=notebooks/pictures $(BIN)/python "$$notebook"; done
 	$(BIN)/python -c "from PIL import Image; Image.open('demo/comparison.png').convert('RGB') \
 		.quantize(128).save('notebooks/pictures/demo.png', optimize=True)"
 

@@ -76,7 +76,7 @@ def other_versions() -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_default_path_does_not_hang_on_other_releases_of_jax(tmp_path):
     versions = other_versions()
     if not versions:

@@ -7,6 +7,7 @@ import numpy as np
 
 from ._basis import bernstein_derivative, quadrature
 from ._compare import Comparison as Comparison
+from ._compare import bilinear_field as bilinear_field
 from ._compare import compare as compare
 from ._crossings import crossing_pairs
 from ._extrema import extrema

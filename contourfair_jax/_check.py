@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 # The dimensions the method is written for.
@@ -71,7 +72,7 @@ def check_per_axis(
     ValueError
         For a wrong length, numbers that are not finite, or (`positive`) not above zero.
     """
-    if isinstance(value, Sequence) and any(isinstance(item, jax.core.Tracer) for item in value):
+    if isinstance(value, Sequence) and any(isinstance(item, Tracer) for item in value):
         value = jnp.stack([jnp.asarray(item, dtype=dtype) for item in value])
     array = value if isinstance(value, jax.Array) else np.asarray(value)
     if array.dtype.kind not in "fiu" or array.shape not in ((), (ndim,)):
@@ -79,7 +80,7 @@ def check_per_axis(
             f"{name} must be one real number or {ndim} of them, one per axis, "
             f"got {_describe(value)}"
         )
-    if not isinstance(array, jax.core.Tracer):
+    if not isinstance(array, Tracer):
         known = np.asarray(array, dtype=np.float64)
         if not np.all(np.isfinite(known)) or (positive and np.any(known <= 0)):
             rule = "finite and above zero" if positive else "finite"
@@ -131,7 +132,7 @@ def check_real(
     open_below: bool = False,
 ) -> None:
     """Raise ValueError unless `value` is a traced or finite real scalar within its limits."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         if value.shape != ():
             raise ValueError(f"{name} must be a scalar, got shape {value.shape}")
         return
@@ -147,7 +148,7 @@ def check_real(
 
 def check_positive(value: object, name: str) -> None:
     """Raise ValueError unless `value` is None, traced, or real numbers above zero."""
-    if value is None or isinstance(value, jax.core.Tracer) or _is_placeholder(value):
+    if value is None or isinstance(value, Tracer) or _is_placeholder(value):
         return
     array = np.asarray(value)
     if array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)) or not np.all(array > 0):
@@ -171,7 +172,7 @@ def _is_placeholder(value: object) -> bool:
 
 def _describe(value: object) -> str:
     """A short text of what came, also for traced values."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         return f"an array of shape {value.shape} and dtype {value.dtype}"
     text = repr(value.tolist() if isinstance(value, np.ndarray | jax.Array) else value)
     return text if len(text) <= 80 else text[:77] + "..."

@@ -59,8 +59,8 @@ class LocalEnergy(eqx.Module):
         self.gradient_tables = [
             jnp.concatenate([part[axes] for part in gradients], axis=1) for axes in first
         ]
-        self.sample_hessians = _functions(axis, scale, samples, second)
-        self.fairing_hessians = _functions(axis, scale, fairing, second)
+        self.sample_hessians = _functions(axis, scale, samples, second)  # pyright: ignore
+        self.fairing_hessians = _functions(axis, scale, fairing, second)  # pyright: ignore
         self.matrix_tables = _product_tables(self.fairing_hessians, order**ndim)
         self.weights = jnp.asarray(_product_weights(ndim, order), dtype)
 

@@ -152,7 +152,7 @@ def _invert(
         cleared = work - column[:, None] * row[None]
         return jax.lax.dynamic_update_index_in_dim(cleared, row, k, axis=0)
 
-    return jnp.where(both, jax.lax.fori_loop(0, n, pivot, work)[:, n:], 0)
+    return jnp.where(both, jax.lax.fori_loop(0, n, pivot, work)[:, n:], 0)  # pyright: ignore
 
 
 def energy_form(spacing: Float[Array, " ndim"], shape: tuple[int, ...]) -> CellForm:
@@ -164,7 +164,7 @@ def energy_form(spacing: Float[Array, " ndim"], shape: tuple[int, ...]) -> CellF
             _scaled(gram(_orders((a, c), ndim), _orders((b, c), ndim)), spacing, (a, b, c, c))
             for c in range(ndim)
         )
-        matrices.append(matrix if a == b else matrix + matrix.T)
+        matrices.append(matrix if a == b else matrix + matrix.T)  # pyright: ignore
     slopes = [gram(_orders((a,), ndim), _orders((a,), ndim)) for a in range(ndim)]
     matrices.append(sum(_scaled(slope, spacing, (a, a)) for a, slope in enumerate(slopes)))
     return CellForm(jnp.stack(matrices), shape)

@@ -237,10 +237,10 @@ class GlobalFairing(AbstractFairing):
         return dataclasses.replace(self, coarse_grids=has_wide_holes(missing))
 
     def warn(self, report):
-        if not bool(report.converged):
+        if not bool(report.converged):  # pyright: ignore
             warnings.warn(
-                f"global fairing stopped at a residual of {float(report.residuals.max()):.1e} "
-                f"instead of {self.tolerance:.1e} after {int(report.steps.max())} steps; raise "
+                f"global fairing stopped at a residual of {float(report.residuals.max()):.1e} "  # pyright: ignore
+                f"instead of {self.tolerance:.1e} after {int(report.steps.max())} steps; raise "  # pyright: ignore
                 "max_steps or thin_plate_weight, or allow a larger tolerance",
                 UserWarning,
                 stacklevel=3,

@@ -3,7 +3,7 @@
 import abc
 
 import equinox as eqx
-import jax
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 
@@ -57,4 +57,4 @@ class AbstractFairing(eqx.Module):
 
 def is_traced(*arrays: object) -> bool:
     """Whether any of the arrays is abstract, as inside `jax.jit` or `jax.grad`."""
-    return any(isinstance(array, jax.core.Tracer) for array in arrays)
+    return any(isinstance(array, Tracer) for array in arrays)

@@ -43,7 +43,7 @@ def coarse_correction(
         scale = 2.0 ** ((4 - ndim) * (level + 1))
         own = (inverse @ restricted.reshape(2**ndim, -1)).reshape(restricted.shape) * scale
         own = jnp.where(jnp.expand_dims(active, tuple(range(ndim))), own, 0)
-        return _prolong(own + below(level + 1, active, restricted), fine)
+        return _prolong(own + below(level + 1, active, restricted), fine)  # pyright: ignore
 
     grid = residual.reshape((2,) * ndim + form.shape)
     return below(0, missing, grid).reshape(residual.shape)
@@ -63,7 +63,7 @@ def _interior_inverse(form: CellForm) -> Float[Array, "twos twos"]:
     ndim = len(form.shape)
     twos = 2**ndim
     diagonal = [g for g, (a, b) in enumerate(_pairs(ndim)) if a == b]
-    plate = sum(form.matrices[g] for g in diagonal).reshape(twos, twos, twos, twos)
+    plate = sum(form.matrices[g] for g in diagonal).reshape(twos, twos, twos, twos)  # pyright: ignore
     corner = np.arange(twos)
     block = jnp.sum(plate[corner, :, corner, :], axis=0)
     inverse = jnp.eye(twos, dtype=block.dtype)

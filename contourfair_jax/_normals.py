@@ -55,7 +55,7 @@ def smooth(
 
 def _multiply(left: CellTensor, right: CellTensor, ndim: int) -> CellTensor:
     """Product of two symmetric tensors that commute."""
-    return {
+    return {  # pyright: ignore
         (a, b): sum(left[min(a, k), max(a, k)] * right[min(k, b), max(k, b)] for k in range(ndim))
         for a, b in left
     }

@@ -6,6 +6,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -79,7 +80,7 @@ def tune(
     """
     values = _check.check_samples(values)
     spacing = _check.check_per_axis(spacing, values.ndim, values.dtype, "spacing", positive=True)
-    if isinstance(values, jax.core.Tracer):
+    if isinstance(values, Tracer):
         raise ValueError("values must be known to choose settings; call tune outside jax.jit")
     if int(jnp.sum(~jnp.isnan(values))) < 8:
         raise ValueError("values must hold at least 8 samples that are not NaN to be tuned on")
@@ -97,7 +98,7 @@ def tune(
         sharpness=sharpness,
         tension=tension,
         coherence=COHERENCE,
-        sigma=sigma,
+        sigma=sigma,  # pyright: ignore
     )
 
 

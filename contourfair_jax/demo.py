@@ -105,7 +105,7 @@ def measure(field: BezierField, grid: Grid, lines: Contours, seconds: float) -> 
     """The figures of one method."""
     index = np.stack(np.meshgrid(*map(np.arange, grid.shape), indexing="ij"), axis=-1)
     points = np.asarray(grid.origin) + np.asarray(grid.spacing) * index
-    at_samples = np.asarray(field(points, outside="extend"))
+    at_samples = np.asarray(field(points, outside="extend"))  # pyright: ignore
     levels = metrics.level_metrics(lines, step=0.25 * min(grid.spacing))
     return Measures(
         sample_error=float(np.max(np.abs(at_samples - grid.values))),

@@ -1,0 +1,238 @@
+"""The accessor ``fair`` of xarray's arrays: `DataArray.fair.upsample`, ``.interp``, ``.contours``.
+
+Importing this module registers it.  Names, coordinates and attributes are kept; axes are those
+of the array, in its own coordinates, whether they ascend or descend.
+"""
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+try:
+    import xarray as xr
+except ImportError as error:
+    message = "contourfair_jax.xarray needs xarray: pip install 'contourfair-jax[xarray]'"
+    raise ImportError(message) from error
+
+import jax
+import jax.numpy as jnp
+
+from . import BezierField, fair_field
+from ._labelled import Axis, axes_of, refined_coordinates, untouched_coordinates
+from ._method import AbstractFairing
+from .contours import Contours, Levels, contours
+from .io import exact_float
+
+Result = TypeVar("Result")
+
+
+@xr.register_dataarray_accessor("fair")
+class FairAccessor:
+    """Fairing of labelled arrays; use it as ``array.fair``.
+
+    All methods share these arguments.
+
+    Parameters
+    ----------
+    dims : sequence of names
+        The 2 or 3 dimensions of the field; by default all but time.  The others are a batch.
+    method : LocalFairing or GlobalFairing
+        How to fair, as for `fair_field`.
+    periodic : name or names
+        Dimensions whose last sample is followed by the first one, such as longitudes all around.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr
+    >>> import contourfair_jax.xarray
+    >>> lat, lon = np.linspace(60.0, 40.0, 6), np.arange(9.0)
+    >>> array = xr.DataArray(lat[:, None] + lon, coords={"lat": lat, "lon": lon}, name="t")
+    >>> array.fair.upsample(4).sizes
+    Frozen({'lat': 21, 'lon': 33})
+    >>> float(array.fair.interp(lat=52.5, lon=1.25).round(6))
+    53.75
+    """
+
+    def __init__(self, array: xr.DataArray) -> None:
+        self._array = array
+
+    def upsample(
+        self,
+        factor: int,
+        *,
+        dims: Sequence[Hashable] | None = None,
+        method: AbstractFairing | None = None,
+        periodic: Hashable | Iterable[Hashable] = (),
+    ) -> xr.DataArray:
+        """The array on the grid that is `factor` times finer; every sample is kept.
+
+        An axis of n samples gets ``factor * (n - 1) + 1``, a periodic one ``factor * n``.  Other
+        coordinates of real numbers along the axes are refined linearly, the rest is left out.
+
+        Raises
+        ------
+        ValueError
+            For a factor below 1, coordinates that are not even, or an array in dask chunks.
+        """
+        if factor < 1:
+            raise ValueError(f"factor must be 1 or more, got {factor}")
+        array, axes = self._prepared(dims, periodic)
+
+        def refine(field: BezierField) -> np.ndarray:
+            values = np.asarray(field.refine(factor))
+            for k, axis in enumerate(axes):
+                values = axis.turned(values, k, factor)
+            return values
+
+        values = _of_each(array, axes, method, refine)
+        finer = xr.DataArray(values, dims=array.dims, name=array.name, attrs=array.attrs)
+        finer = finer.assign_coords(refined_coordinates(array, axes, factor))
+        return finer.transpose(*self._array.dims)
+
+    def interp(
+        self,
+        coords: Mapping[Any, Any] | None = None,
+        *,
+        dims: Sequence[Hashable] | None = None,
+        method: AbstractFairing | None = None,
+        periodic: Hashable | Iterable[Hashable] = (),
+        outside: str = "nan",
+        **coords_kwargs: Any,
+    ) -> xr.DataArray:
+        """Values at new coordinates, given and combined as for `xarray.DataArray.interp`.
+
+        Numbers and arrays of one axis make a grid; arrays with common dimensions make points.  A
+        dimension that is not named keeps its samples.
+
+        Parameters
+        ----------
+        coords, **coords_kwargs : mapping or keywords
+            New coordinates by dimension.
+        outside : str
+            As for `BezierField`: "nan", "clamp" or "extend".
+
+        Raises
+        ------
+        ValueError
+            For a name that is not a faired dimension; otherwise as `upsample`.
+        """
+        array, axes = self._prepared(dims, periodic)
+        wanted = {**(coords or {}), **coords_kwargs}
+        known = [axis.dim for axis in axes]
+        if set(wanted) - set(known):
+            raise ValueError(f"coords must be along {known}, got {sorted(map(str, wanted))}")
+        targets = [_target(array, axis, wanted.get(axis.dim, axis.coordinate)) for axis in axes]
+        spread = xr.broadcast(*targets)
+        points = np.stack(
+            [axis.local(each.to_numpy()) for axis, each in zip(axes, spread, strict=True)], -1
+        )
+
+        def evaluate(field: BezierField) -> np.ndarray:
+            return np.asarray(field(jnp.asarray(points, field.dtype), outside))
+
+        values = _of_each(array, axes, method, evaluate)
+        batch = array.dims[: array.ndim - len(axes)]
+        found = xr.DataArray(
+            values, dims=(*batch, *spread[0].dims), name=array.name, attrs=array.attrs
+        )
+        new = {each.name: each for each in targets if each.name in array.coords}
+        return found.assign_coords({**untouched_coordinates(array, axes), **new})
+
+    def contours(
+        self,
+        levels: Levels,
+        *,
+        method: AbstractFairing | None = None,
+        periodic: Hashable | Iterable[Hashable] = (),
+        tolerance: float = 0.01,
+    ) -> Contours:
+        """The contour lines of a 2-D array, in its coordinates and in the order of its dimensions.
+
+        Of a periodic axis, lines go on to the first sample of the next turn and end there.
+
+        Raises
+        ------
+        ValueError
+            As for `contourfair_jax.contours.contours` and `upsample`.
+        """
+        if self._array.ndim != 2:
+            raise ValueError(
+                f"contours are of a 2-D array, this has the dimensions {tuple(self._array.dims)}; "
+                "choose from the others with isel"
+            )
+        array, axes = self._prepared(self._array.dims, periodic)
+        found = _with_field(
+            array.to_numpy(), axes, method, lambda field: contours(field, levels, tolerance)
+        )
+        starts = np.array([axis.start for axis in axes])
+        lines = tuple(replace(line, points=line.points + starts) for line in found.lines)
+        return replace(found, lines=lines)
+
+    def _prepared(
+        self, dims: Sequence[Hashable] | None, periodic: Hashable | Iterable[Hashable]
+    ) -> tuple[xr.DataArray, tuple[Axis, ...]]:
+        """The array with the faired dimensions last, and their axes."""
+        array = self._array
+        if array.chunks is not None:
+            raise ValueError("the array is in dask chunks; call .compute() on it first")
+        if array.dtype.kind not in "biuf":
+            raise ValueError(f"the array holds {array.dtype}; real numbers are needed")
+        axes = axes_of(array, dims, periodic)
+        faired = [axis.dim for axis in axes]
+        others = [dim for dim in array.dims if dim not in faired]
+        return array.transpose(*others, *faired), axes
+
+
+def _of_each(
+    array: xr.DataArray,
+    axes: tuple[Axis, ...],
+    method: AbstractFairing | None,
+    use: Callable[[BezierField], np.ndarray],
+) -> np.ndarray:
+    """What `use` makes of the field of every member of the batch."""
+    values = array.to_numpy()
+    batch = values.shape[: values.ndim - len(axes)]
+    members = values.reshape(-1, *values.shape[len(batch) :])
+    made = [_with_field(member, axes, method, use) for member in members]
+    return np.stack(made).reshape((*batch, *made[0].shape))
+
+
+def _with_field(
+    values: np.ndarray,
+    axes: tuple[Axis, ...],
+    method: AbstractFairing | None,
+    use: Callable[[BezierField], Result],
+) -> Result:
+    """What `use` makes of the field, whose coordinates ascend from zero through one turn."""
+    dtype = exact_float(values.dtype)
+    values = np.ascontiguousarray(values, dtype)
+    for k, axis in enumerate(axes):
+        values = axis.upward(values, k)
+    spacing = [abs(axis.step) for axis in axes]
+    with jax.enable_x64(dtype == np.float64 or jax.config.read("jax_enable_x64")):
+        field = fair_field(values, spacing=spacing, method=method)
+        net = tuple(
+            slice(3 * axis.margin, 3 * (axis.margin + len(axis.coordinate)) + 1)
+            if axis.periodic
+            else slice(None)
+            for axis in axes
+        )
+        return use(BezierField(field.control_points[net], field.spacing, field.origin))
+
+
+def _target(array: xr.DataArray, axis: Axis, wanted: Any) -> xr.DataArray:
+    """New coordinates along an axis, with the attributes of the old ones."""
+    if isinstance(wanted, xr.DataArray):
+        target = wanted.rename(axis.dim)
+    else:
+        values = np.asarray(wanted)
+        if values.ndim > 1:
+            raise ValueError(
+                f"coords[{axis.dim!r}] must be a number, 1-D or a DataArray, got {values.ndim}-D"
+            )
+        target = xr.DataArray(values, dims=(axis.dim,) * values.ndim, name=axis.dim)
+    if axis.dim in array.coords:
+        target.attrs = dict(array.coords[axis.dim].attrs)
+    return target

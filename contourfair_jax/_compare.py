@@ -13,7 +13,7 @@ from ._fair import fair_field
 from ._field import BezierField
 from ._lengths import LevelMetrics, level_metrics
 from ._method import AbstractFairing
-from .contours import Levels, check_levels
+from ._tracing import Levels, check_levels
 
 _FACTOR = 4
 

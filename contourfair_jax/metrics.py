@@ -15,7 +15,7 @@ from ._field import BezierField
 from ._lengths import LevelMetrics as LevelMetrics
 from ._lengths import level_metrics as level_metrics
 from ._lengths import signed_area as signed_area
-from .contours import host_arrays
+from ._tracing import host_arrays
 from .io import ContourLine
 
 

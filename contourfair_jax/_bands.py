@@ -1,0 +1,83 @@
+"""The bands between the levels of a 2-D field."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ._cells import cells_with_values
+from ._codes import Codes
+from ._field import BezierField
+from ._fill import Filler, Polygon
+from ._lengths import signed_area
+from ._link import link
+from ._tracing import Levels, check_levels, check_tolerance, host_arrays, raised, trace
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Where a field is above one level and at most at the next.
+
+    Parameters
+    ----------
+    lower, upper : float
+    polygons : tuple of tuples of arrays, each of shape (n, 2)
+        For each part its outer ring, of positive area in the plane of the coordinates (0, 1), then
+        its holes, of negative area.  Rings repeat their first point.
+    """
+
+    lower: float
+    upper: float
+    polygons: tuple[Polygon, ...]
+
+    @property
+    def area(self) -> float:
+        """Area of the band, holes taken off."""
+        return sum(signed_area(ring) for polygon in self.polygons for ring in polygon)
+
+    def __repr__(self) -> str:
+        return f"Band({self.lower:g} to {self.upper:g}, {len(self.polygons)} polygons)"
+
+
+def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[Band]:
+    """The bands between neighbouring levels of a 2-D field, as polygons.
+
+    Parameters
+    ----------
+    field : BezierField
+    levels : sequence of float
+        At least two, in any order; `-inf` and `inf` are for all that is below or above.
+    tolerance : float
+        As for `contours`: bands are bounded by its lines, and by the border of the grid and of
+        cells that hold NaN.
+
+    Returns
+    -------
+    list of Band
+        One for each pair of neighbouring levels.
+
+    Raises
+    ------
+    ValueError
+        As for `contours`, and for fewer than two levels.
+    """
+    ends = np.unique(np.asarray(levels, dtype=np.float64))
+    finite = check_levels(ends[~np.isinf(ends)])
+    if len(ends) < 2:
+        raise ValueError(f"levels must be at least two to have a band between, got {len(ends)}")
+    check_tolerance(tolerance)
+    net, spacing, origin = host_arrays(field)
+    traced = raised(net, finite)
+    codes = Codes(len(finite), max(net.shape) // 3)
+    found, _ = trace(net, traced, tolerance, codes)
+    parts = list(link(found, codes))
+    filler = Filler(net[::3, ::3], cells_with_values(net), parts, codes)
+    limits = np.concatenate([ends[ends == -np.inf], traced, ends[ends == np.inf]])
+    number = np.searchsorted(finite, ends)
+    number[ends == -np.inf] = -1
+    bands = []
+    for k in range(len(ends) - 1):
+        pair = int(number[k]), int(number[k + 1])
+        polygons = filler.band(*pair, (limits[k], limits[k + 1]))
+        moved = [tuple(ring * spacing + origin for ring in polygon) for polygon in polygons]
+        bands.append(Band(float(ends[k]), float(ends[k + 1]), tuple(moved)))
+    return bands

@@ -18,7 +18,7 @@ import xarray as xr
 import zarr
 from conftest import SEED
 from file_helpers import samples
-from test_volumes import UP, slices
+from test_volumes import UP, ccp4, cube, slices
 
 from contourfair_jax.cli import main
 from contourfair_jax.io import FORMATS, Format, Grid, _isolate, write
@@ -60,6 +60,8 @@ WHOLE = {
     b"ElementType = MET_SHORT\nElementByteOrderMSB = False\nElementDataFile = whole.raw\n",
     ".asc": b"ncols 4\nnrows 3\nxllcorner 10\nyllcorner 20\ncellsize 5\nNODATA_value -9\n"
     b"1 2 3 4\n5 6 -9 8\n9 10 11 12\n",
+    ".cube": cube(),
+    ".ccp4": ccp4(),
 }
 
 

@@ -84,6 +84,14 @@ REAL = {
     ),
     ("hydrogen.vti", None): ((64, 64, 64), "float32", 0, 1, 0, None, (1, 1, 1), ".vti .vtk"),
     ("channels.vti", None): ((100, 250, 250), "int64", 0, 4, 0, None, (1, 1, 1), ""),
+    ("benzene-homo.cube", None): (
+        *((40, 55, 55), "float64", -0.21246, 0.212535, 0, None, (0.333333,) * 3),
+        ".nrrd .npz",
+    ),
+    ("3pqr-mode0.ccp4", None): (
+        *((59, 69, 100), "int8", -128, 127, 0, None, (0.91552, 0.95853, 0.95853)),
+        ".nrrd .npz",
+    ),
     ("ironProt.vtk", None): ((68, 68, 68), "uint8", 0, 255, 0, None, (1, 1, 1), ".vtk"),
     ("carotid.vtk", None): ((45, 49, 76), "float32", 0, 580, 0, None, (1, 1, 1), ".vtk .vti"),
     ("carotid.vtk", "vectors,component=2"): (
@@ -116,6 +124,8 @@ def test_real_files_come_out_right_and_are_stored_again(
 
 # The same data in the ready-made arrays beside them, which other programs wrote.
 TWINS = {
+    ("benzene-homo.cube", None): ("benzene_homo.npz", np.s_[:], 1e-8),
+    ("3pqr-mode0.ccp4", None): ("ccp4_3pqr.npz", np.s_[:], 0),
     ("SainteHelens.dem", None): ("sainte_helens.npz", np.s_[:], 0),
     ("eraint_uvz.nc", "z,month=0,level=1"): ("eraint_z500_jan.npz", np.s_[:], 1),
     ("rotated_pole.nc", None): ("mslp_rotated_pole.npz", np.s_[:], 0),
@@ -159,8 +169,6 @@ REFUSED = {
     ("functional.nii", None): "choose with a key such as t=0",
     ("carotid.vtk", "vectors"): "choose with a key such as component=0",
     ("volcano.json", None): "files of this name are not read; known suffixes",
-    ("benzene-homo.cube", None): "files of this name are not read; known suffixes",
-    ("3pqr-mode0.ccp4", None): "files of this name are not read; known suffixes",
     ("neghip.slc", None): "files of this name are not read; known suffixes",
 }
 

@@ -325,6 +325,86 @@ def test_truncated_legacy_data_are_refused(tmp_path):
         read(tmp_path / "a.vtk")
 
 
+# ---- cube files and CCP4 maps ------------------------------------------------------------------
+
+
+def cube(orbitals: int = 1, angstrom: bool = False) -> bytes:
+    """Two atoms, a grid of 6 x 5 x 4 (x, y, z) with a turned axis, z fastest."""
+    sign, atoms = -1 if angstrom else 1, -2 if orbitals > 1 else 2
+    lines = ["water", "density", f"{atoms} 1.0 2.0 3.0", f"{6 * sign} 0.5 0.25 0.0"]
+    lines += [f"{5 * sign} 0.0 1.5 0.0", f"{4 * sign} 0.0 0.0 2.0"]
+    lines += ["8 8.0 0.0 0.0 0.0"] * 2
+    if orbitals > 1:
+        lines += [f"{orbitals} " + " ".join(str(k + 7) for k in range(orbitals))]
+    values = np.stack([samples().T + 1000 * k for k in range(orbitals)], -1)
+    lines += [" ".join(f"{value:.5E}" for value in row) for row in values.reshape(30, -1)]
+    return "\n".join(lines).encode()
+
+
+def ccp4(order: str = "<", turns: tuple[int, int, int] = (2, 1, 3), **words: float) -> bytes:
+    """A map whose columns are along b and rows along a, of a cell with a right angle or not."""
+    header = np.zeros(256, f"{order}i4")
+    reals = header.view(f"{order}f4")
+    sizes = {1: 6, 2: 5, 3: 4}
+    header[:4] = [*(sizes[axis] for axis in turns), 1]
+    header[4:7] = [{1: 10, 2: 20, 3: 30}[axis] for axis in turns]
+    header[7:10] = [12, 10, 8]
+    reals[10:16] = [6.0, 15.0, 16.0, 90.0, 90.0, words.get("gamma", 90.0)]
+    header[16:19] = turns
+    data = bytearray(header.tobytes())
+    data[208:216] = b"MAP " + (b"\x44\x44\0\0" if order == "<" else b"\x11\x11\0\0")
+    values = samples().T.transpose([axis - 1 for axis in turns])  # columns, rows, sections
+    return bytes(data) + values.astype(f"{order}i2").tobytes(order="F")
+
+
+def test_a_cube_file(tmp_path):
+    for angstrom, units in ((False, "bohr"), (True, "angstrom")):
+        (tmp_path / "a.cube").write_bytes(cube(angstrom=angstrom))
+        grid = read(tmp_path / "a.cube")
+        np.testing.assert_array_equal(grid.values, samples())
+        np.testing.assert_allclose(
+            grid.affine[:3], [[2, 0, 0, 3], [0, 1.5, 0.25, 2], [0, 0, 0.5, 1]]
+        )
+        assert grid.metadata == {"title": "water density", "space units": units}
+
+
+def test_orbitals_of_a_cube_file_are_chosen_from(tmp_path):
+    (tmp_path / "a.cube").write_bytes(cube(orbitals=3))
+    with pytest.raises(InputError, match="choose with a key such as orbital=0"):
+        read(tmp_path / "a.cube")
+    np.testing.assert_array_equal(read(tmp_path / "a.cube", "2").values, samples() + 2000)
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("turns", [(1, 2, 3), (2, 1, 3), (3, 1, 2)])
+def test_a_ccp4_map_in_any_order(tmp_path, order, turns):
+    (tmp_path / "a.ccp4").write_bytes(ccp4(order, turns))
+    grid = read(tmp_path / "a.ccp4")
+    np.testing.assert_array_equal(grid.values, samples())
+    np.testing.assert_allclose(grid.affine[:3], [[2, 0, 0, 60], [0, 1.5, 0, 30], [0, 0, 0.5, 5]])
+    assert np.count_nonzero(grid.affine[:3, :3]) == 3
+    assert grid.notes == ()
+
+
+def test_skewed_cells_are_said(tmp_path):
+    (tmp_path / "a.ccp4").write_bytes(ccp4(gamma=120.0))
+    grid = read(tmp_path / "a.ccp4")
+    assert "the axes are not perpendicular" in grid.notes[0]
+    np.testing.assert_allclose(grid.affine[2, :3], [0.0, -0.75, 0.5], atol=1e-12)
+    assert grid.spacing == pytest.approx((2.0, 1.5, 0.5))
+
+
+@pytest.mark.parametrize(("name", "whole"), [("a.cube", cube()), ("a.ccp4", ccp4())])
+def test_truncated_cube_files_and_maps(tmp_path, name, whole):
+    for length in (len(whole) - 9, len(whole) - 60):
+        (tmp_path / name).write_bytes(whole[:length])
+        with pytest.raises(InputError, match="is truncated: "):
+            read(tmp_path / name)
+    (tmp_path / name).write_bytes(whole[:40])
+    with pytest.raises(InputError, match=r"ends within its header|does not begin like one"):
+        read(tmp_path / name)
+
+
 # ---- DICOM -------------------------------------------------------------------------------------
 
 

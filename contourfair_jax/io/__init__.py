@@ -1,8 +1,9 @@
 """Files of samples in and out, with geometry, units and missing samples kept.
 
 Every format is a row in `FORMATS` and a small module behind `read` and `write`.  NumPy and Pillow
-suffice for arrays and images; the extras ``geotiff``, ``netcdf``, ``zarr``, ``medical`` and
-``vtk`` bring the packages for the others, whose files are read in a process of their own.
+suffice for arrays, images, cube files and CCP4 maps; the extras ``geotiff``, ``netcdf``, ``zarr``,
+``medical`` and ``vtk`` bring the packages for the others, whose files are read in a process of
+their own.
 """
 
 from ._atomic import replacing as replacing

@@ -94,6 +94,8 @@ FORMATS = (
     Format("NumPy archive", (".npz",), "_npz"),
     Format("PNG image", (".png",), "_image", writer="write_png"),
     Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff"),
+    Format("Gaussian cube", (".cube", ".cub"), "_cube", writer=""),
+    Format("CCP4 or MRC map", (".ccp4", ".mrc", ".map"), "_ccp4", writer=""),
     Format("USGS DEM", (".dem",), "_geotiff", "read_usgs_dem", "", _RASTERIO),
     Format("ASCII grid", (".asc",), "_geotiff", "read_ascii_grid", "", _RASTERIO),
     Format("NetCDF", (".nc", ".nc4", ".cdf"), "_netcdf", outside=_NETCDF),

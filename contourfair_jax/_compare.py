@@ -99,9 +99,9 @@ def compare(
     Comparison
         Turning and bending are those of lines with vertices a quarter of the smaller spacing apart.
     """
+    if np.ndim(values) != 2:
+        raise ValueError(f"values must be 2-D to compare contours, got {np.ndim(values)}-D")
     field = fair_field(values, spacing=spacing, origin=origin, method=method)
-    if field.ndim != 2:
-        raise ValueError(f"values must be 2-D to compare contours, got {field.ndim}-D")
     samples = np.asarray(field.samples, dtype=np.float64)
     plain = bilinear_field(field)
     if levels is None:

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import samples_of
+from splines import catmull_rom
 
 import contourfair_jax as cf
 from contourfair_jax import metrics
@@ -74,8 +75,8 @@ def _cross(a, b, p):
 
 
 def test_a_shifted_vertex_is_found():
-    case = cases.ANALYTIC["marschner_lobb_slice"]
-    lines = list(cf.fair_field(case.samples()).contours(np.linspace(0.2, 0.6, 9)))
+    field = catmull_rom(cases.ANALYTIC["marschner_lobb_slice"].samples())
+    lines = list(field.contours(np.linspace(0.2, 0.6, 9)))
     assert metrics.crossings(lines) == 0
     longest = int(np.argmax([len(each.points) for each in lines]))
     points = lines[longest].points.copy()
@@ -138,8 +139,7 @@ def test_coarea_of_a_bowl(bowl):
 
 
 def test_coarea_is_the_sum_over_levels():
-    case = cases.ANALYTIC["franke"]
-    field = cf.fair_field(case.samples(), spacing=(0.5, 0.7), origin=1.0)
+    field = catmull_rom(cases.ANALYTIC["franke"].samples(), np.array([0.5, 0.7]), 1.0)
     low, high = np.min(field.samples), np.max(field.samples)
     levels = low + (high - low) * (np.arange(200) + 0.5) / 200
     lines = metrics.level_metrics(field.contours(levels, 1e-4), 0.05, levels.tolist())
@@ -165,7 +165,7 @@ def test_coarea_leaves_missing_samples_out(bowl):
 def test_overshoot_is_that_of_dense_samples(name, ndim):
     grid = cases.GRIDS[ndim][0]
     samples = samples_of(name, grid)
-    field = cf.fair_field(samples)
+    field = catmull_rom(samples)
     fine = np.asarray(field.refine(16))
     span = np.ptp(samples) or 1.0
     dense = max(samples.min() - fine.min(), fine.max() - samples.max(), 0.0) / span

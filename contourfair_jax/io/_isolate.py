@@ -64,7 +64,8 @@ def read_isolated(module: str, reader: str, path: Path, key: str | None) -> Grid
 
 @contextmanager
 def _child(request: list[Any]) -> Iterator[tuple[subprocess.Popen[bytes], IO[bytes], IO[bytes]]]:
-    command = [sys.executable, "-P", "-c", _CODE, json.dumps(sys.path), json.dumps(request)]
+    search = json.dumps([*map(str, sys.path)])
+    command = [sys.executable, "-P", "-c", _CODE, search, json.dumps(request)]
     # Threads of libraries would only reserve memory; locks would fail on read-only file systems.
     settings = {
         "OMP_NUM_THREADS": "1",

@@ -1,0 +1,19 @@
+"""A C1 field without fairing, and so without compilation, for tests of what uses fields."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from contourfair_jax._field import BezierField
+
+
+def catmull_rom(samples, spacing=1.0, origin=0.0):
+    """The C1 cubic field whose derivatives at samples are central differences, any dimension."""
+    net = np.asarray(samples, float)
+    for axis in range(net.ndim):
+        values = np.moveaxis(net, axis, 0)
+        slopes = np.gradient(values, axis=0) / 3
+        spread = np.stack([values - slopes, values, values + slopes], axis=1)
+        spread = spread.reshape(-1, *values.shape[1:])[1:-1]
+        net = np.moveaxis(spread, 0, axis)
+    ones = np.ones(net.ndim)
+    return BezierField(jnp.asarray(net), jnp.asarray(spacing * ones), jnp.asarray(origin * ones))

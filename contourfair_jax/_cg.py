@@ -9,11 +9,12 @@ from jaxtyping import Array, Float, Int
 
 
 class Solution(NamedTuple):
-    """What `conjugate_gradients` returns."""
+    """What `conjugate_gradients` returns: `residual` is relative to `size`."""
 
     value: Float[Array, "..."]
     steps: Int[Array, ""]
     residual: Float[Array, ""]
+    size: Float[Array, ""]
 
 
 def conjugate_gradients(
@@ -23,11 +24,13 @@ def conjugate_gradients(
     precondition: Callable[[Array], Array],
     tolerance: float,
     max_steps: int,
+    least_size: float | Float[Array, ""] = 0.0,
 ) -> Solution:
     """Solve a symmetric positive definite system.
 
     Stops when the residual, in the norm of the preconditioner, is `tolerance` times the right-hand
-    side, or after `max_steps`.  A guess that is worse than zero is not used.
+    side, or `least_size` if that is larger, or after `max_steps`.  A guess that is worse than zero
+    is not used.
     """
 
     def norm(x: Array) -> Array:
@@ -48,12 +51,13 @@ def conjugate_gradients(
         return x, residual, scaled + (renewed / squared) * direction, renewed, step + 1
 
     size = norm(rhs)
-    target = tolerance**2 * size
+    largest = jnp.maximum(size, least_size**2)
+    target = tolerance**2 * largest
     residual = rhs - apply(guess)
     useful = norm(residual) < size
     guess, residual = jnp.where(useful, guess, 0), jnp.where(useful, residual, rhs)
     direction = precondition(residual)
     state = (guess, residual, direction, jnp.sum(residual * direction), jnp.zeros((), jnp.int32))
     x, _, _, squared, steps = jax.lax.while_loop(unfinished, advance, state)
-    relative = jnp.sqrt(squared / jnp.where(size == 0, 1, size))
-    return Solution(x, steps, relative)
+    relative = jnp.sqrt(squared / jnp.where(largest == 0, 1, largest))
+    return Solution(x, steps, relative, jnp.sqrt(largest))

@@ -12,6 +12,7 @@ does not grow with the grid.  A missing sample only frees its value.
 
 import dataclasses
 import warnings
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -121,22 +122,25 @@ class GlobalFairing(AbstractFairing):
         forms = energy_form(spacing, shape), structure_form(spacing, shape)
         trust = self._trust(shape, missing, spread)
 
-        def improve(state: tuple[Array, Array], weight: Array) -> tuple[tuple, tuple]:
-            dofs, stiffness = state
+        @partial(jax.checkpoint, prevent_cse=False, policy=_save_solutions)
+        def improve(state: tuple[Array, Array, Array], weight: Array) -> tuple[tuple, tuple]:
+            dofs, stiffness, size = state
             weights = self._weights(forms[1], dofs, weight)
             pins = stiffness * trust
-            solution = self._solve(forms[0], weights, start, free, pins, dofs)
+            solution = self._solve(forms[0], weights, start, free, pins, dofs, size)
             update = jnp.max(jnp.abs(solution.value - dofs))
             # Where samples pull hard the mean square goes with stiffness^-2, else it is slower.
             deviation = jnp.sum(trust * (solution.value[0] - start[0]) ** 2)
             deviation = deviation / jnp.maximum(jnp.sum(trust > 0, dtype=trust.dtype), 1)
             stiffness = stiffness * jnp.maximum(deviation, FLAT**2) ** 0.75
-            return (solution.value, stiffness), (update, solution.steps, solution.residual)
+            state = solution.value, stiffness, solution.size
+            return state, (update, solution.steps, solution.residual)
 
         weights = jnp.asarray(self.thin_plate_weight, values.dtype)
         weights = jnp.where(jnp.arange(self.iterations + 1) == 0, 1, weights)
         stiffness = jnp.asarray(1.0, values.dtype) / jnp.maximum(jnp.max(trust), 1)
-        (dofs, _), (updates, steps, residuals) = jax.lax.scan(improve, (start, stiffness), weights)
+        state = start, stiffness, jnp.zeros((), values.dtype)
+        (dofs, *_), (updates, steps, residuals) = jax.lax.scan(improve, state, weights)
         if self.limit:
             dofs = limit_slopes(dofs, shape)
         net = to_net(dofs, shape) * spread + centre
@@ -175,51 +179,60 @@ class GlobalFairing(AbstractFairing):
         free: Bool[Array, "twos vertices"],
         pins: Float[Array, " vertices"],
         guess: Array,
+        size: Float[Array, ""],
     ) -> Solution:
         """Least energy over what is free, the rest as in `start`.
 
         `pins` are springs that hold the values to those of `start`.
 
         Differentiated as a linear solve: its derivatives are solves with the same matrix, whatever
-        the number of steps.
+        the number of steps.  In reverse mode the solves of earlier iterations have ever smaller
+        right-hand sides, and need not be more exact than the last one, which comes first.  So a
+        number beside the unknowns, zero but in the transposed solves, hands down its size.
         """
         frozen = jax.lax.stop_gradient((form, weights, pins))
         near = jax.lax.stop_gradient(jnp.where(free, guess - start, 0))
-        inverse = frozen[0].inverse_blocks(*frozen[1:], free)
 
-        def apply(x: Array) -> Array:
-            return jnp.where(free, form.apply(weights, x).at[0].add(pins * x[0]), 0)
+        def apply(system: tuple[Array, Array]) -> tuple[Array, Array]:
+            x, size = system
+            return jnp.where(free, form.apply(weights, x).at[0].add(pins * x[0]), 0), size
 
         def apply_in_place(x: Array) -> Array:
             image = frozen[0].apply_in_place(frozen[1], x)
             return jnp.where(free, image.at[0].add(frozen[2] * x[0]), 0)
 
-        def precondition(x: Array) -> Array:
-            own = jnp.sum(inverse * x[None], axis=1)
-            if not self.coarse_grids:
-                return own
-            holes = (free[0] & (frozen[2] == 0)).reshape(form.shape)
-            return jnp.where(free, own + coarse_correction(frozen[0], holes, x), 0)
+        def solve_to(rhs: Array, size: Array, guess: Array) -> Solution:
+            inverse = frozen[0].inverse_blocks(*frozen[1:], free)
 
-        def solve(_, rhs: Array) -> tuple[Array, tuple[Array, Array]]:
-            solution = conjugate_gradients(
-                apply_in_place,
-                rhs,
-                near,
-                precondition,
-                self.tolerance,
-                self.max_steps,
+            def precondition(x: Array) -> Array:
+                own = jnp.sum(inverse * x[None], axis=1)
+                if not self.coarse_grids:
+                    return own
+                holes = (free[0] & (frozen[2] == 0)).reshape(form.shape)
+                return jnp.where(free, own + coarse_correction(frozen[0], holes, x), 0)
+
+            return conjugate_gradients(
+                apply_in_place, rhs, guess, precondition, self.tolerance, self.max_steps, size
             )
-            return solution.value, (solution.steps, solution.residual)
 
-        value, info = jax.lax.custom_linear_solve(
+        def solve(_, system: tuple[Array, Array]) -> tuple[tuple, tuple]:
+            rhs, size = system
+            solution = solve_to(rhs, jnp.zeros_like(size), near)
+            return (solution.value, size), (solution.steps, solution.residual)
+
+        def transpose_solve(_, system: tuple[Array, Array]) -> tuple[tuple, tuple]:
+            solution = solve_to(*system, jnp.zeros_like(near))
+            return (solution.value, solution.size), (solution.steps, solution.residual)
+
+        (value, size), info = jax.lax.custom_linear_solve(
             apply,
-            -jnp.where(free, form.apply(weights, start), 0),
+            (-jnp.where(free, form.apply(weights, start), 0), size),
             solve,
+            transpose_solve,
             symmetric=True,
             has_aux=True,
         )
-        return Solution(start + value, *info)
+        return Solution(start + value, *info, size)
 
     def prepare(self, values):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)
@@ -245,6 +258,11 @@ class GlobalFairing(AbstractFairing):
                 UserWarning,
                 stacklevel=3,
             )
+
+
+def _save_solutions(primitive, *_, **__) -> bool:
+    """In reverse mode keep the solutions of the linear systems and compute the rest again."""
+    return primitive is jax.lax.linear_solve_p
 
 
 def _normalise(values: Array, missing: Array) -> tuple[Array, Array, Array]:

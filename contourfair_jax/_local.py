@@ -106,7 +106,10 @@ class LocalFairing(AbstractFairing):
         size = -(-count // batches)
         padded = jnp.pad(samples, ((0, 0), (0, batches * size - count)), mode="edge")
         split = jnp.moveaxis(padded.reshape(-1, batches, size), 1, 0)
-        points = jax.lax.map(lambda batch: self._batch(energy, thin_plate, batch), split)
+        points = jax.lax.map(
+            jax.checkpoint(lambda batch: self._batch(energy, thin_plate, batch), prevent_cse=False),
+            split,
+        )
         return jnp.moveaxis(points, 0, 1).reshape(-1, batches * size)[:, :count]
 
     def _batch(

@@ -12,10 +12,13 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
-# The fast tests run on all cores, and are compiled without optimisation: most of their time is
-# compilation.  `test-slow` compiles as users do.
+# The fast tests run on all cores.  Most of their time is compilation: it is done without
+# optimisation and kept for the next run.  Threads of OpenBLAS would only wait for each other.
+# `test-slow` compiles as users do.
 FAST := $(PYTEST) -m "not slow and not data" --numprocesses auto --dist worksteal
-QUICK := XLA_FLAGS="$${XLA_FLAGS:-} --xla_backend_optimization_level=0"
+QUICK := OPENBLAS_NUM_THREADS=1 XLA_FLAGS="$${XLA_FLAGS:-} --xla_backend_optimization_level=0" \
+	JAX_COMPILATION_CACHE_DIR=$(abspath $(VENV))/compiled \
+	JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.1
 
 .PHONY: help setup demo test test-all test-slow lint types format bench tables figures lock clean
 

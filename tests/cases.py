@@ -208,9 +208,14 @@ def field_cases(ndim):
 
 
 def grid_field_cases(*ndims):
-    """Every field on every grid, as ``pytest.param(grid, name)``."""
+    """Every field on every grid, as ``pytest.param(grid, name)``; cubes, the simplest, are slow."""
     return [
-        pytest.param(grid, name, id=f"{name}-{grid.name}")
+        pytest.param(
+            grid,
+            name,
+            id=f"{name}-{grid.name}",
+            marks=[pytest.mark.slow] if grid is GRIDS[3][0] else [],
+        )
         for ndim in ndims
         for grid in GRIDS[ndim]
         for name in field_cases(ndim)

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import contourfair_jax as cf
 
 # Enough vertices for batched calls to be split over threads; one shape, to compile fast.
-KINDS = {"plane": (8, (64, 66)), "volume": (3, (9, 10, 11))}
+KINDS = {"small": (3, (34, 36)), "plane": (8, (64, 66)), "volume": (3, (9, 10, 11))}
 METHODS = {"local": cf.LocalFairing, "lu": lambda: cf.LocalFairing(solver=cf.LU())}
 if hasattr(cf, "GlobalFairing"):
     METHODS["global"] = cf.GlobalFairing

@@ -125,7 +125,7 @@ def test_solvers_agree_on_terrain(shared_data, x64):
 
 
 @pytest.mark.parametrize("name", ["noise", "smooth_random", "step"])
-@pytest.mark.parametrize("grid", GRIDS, ids=lambda grid: grid.name)
+@on_uneven_grids()
 def test_flips(grid, name):
     samples = samples_of(name, grid)
     net = net_of(samples, grid.spacing)
@@ -144,7 +144,7 @@ def test_transposes(grid, name):
 @BOTH
 @pytest.mark.parametrize("name", ["noise", "step", "cone", "constant"])
 @pytest.mark.parametrize("factor", [1e-30, -1e-3, 1e30])
-@on_uneven_grids()
+@on_uneven_grids(pytest.mark.slow)
 def test_value_scaling(grid, name, factor, x64):
     samples = samples_of(name, grid).astype(np.float64 if x64 else np.float32)
     net = net_of(samples, grid.spacing)

@@ -81,13 +81,13 @@ def fair_field(
     if not isinstance(method, AbstractFairing):
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
     method = method.prepare(values)
-    net, report = _fit(_settings_as_arrays(method, values.dtype), values, spacing)
+    net, report = _fit(settings_as_arrays(method, values.dtype), values, spacing)
     if not is_traced(net):
         method.warn(report)
     return BezierField(net, spacing, origin, report)
 
 
-def _settings_as_arrays(method: AbstractFairing, dtype: jnp.dtype) -> AbstractFairing:
+def settings_as_arrays(method: AbstractFairing, dtype: jnp.dtype) -> AbstractFairing:
     """Real-valued settings in the dtype of the samples: traced, so other values do not retrace."""
 
     def convert(leaf: object) -> object:

@@ -41,14 +41,14 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     target = check_target(path)
     partial = _beside(target)
-    with _in_one_line(path):
+    with in_one_line(path):
         os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
-        with _in_one_line(path):
+        with in_one_line(path):
             yield partial
             if target.exists():
                 shutil.copymode(target, partial)
-            _flush(partial)
+            flush(partial)
             os.replace(partial, target)
     finally:
         partial.unlink(missing_ok=True)
@@ -59,14 +59,14 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """The same for a folder; one that was there before is moved aside, and removed at the end."""
     target = check_folder(path)
     partial, old = _beside(target), _beside(target)
-    with _in_one_line(path):
+    with in_one_line(path):
         partial.mkdir()
     try:
-        with _in_one_line(path):
+        with in_one_line(path):
             yield partial
             for each in partial.rglob("*"):
                 if each.is_file():
-                    _flush(each)
+                    flush(each)
             if target.exists():
                 os.rename(target, old)
             os.rename(partial, target)
@@ -89,7 +89,7 @@ def _beside(target: Path) -> Path:
 
 
 @contextlib.contextmanager
-def _in_one_line(path: str | os.PathLike[str]) -> Iterator[None]:
+def in_one_line(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -97,7 +97,7 @@ def _in_one_line(path: str | os.PathLike[str]) -> Iterator[None]:
         raise InputError(f"{path}: cannot be written ({said})") from error
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
     """Push the file's bytes to the disk, so that a rename never names an empty file."""
     handle = os.open(path, os.O_RDONLY)
     try:

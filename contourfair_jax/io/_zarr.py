@@ -12,7 +12,7 @@ import zarr
 from zarr.errors import ContainsGroupError, NodeTypeValidationError
 
 from ._dataset import dataset_from_grid, grid_from_dataset
-from ._errors import InputError
+from ._errors import InputError, one_line
 from ._grid import Grid
 from ._key import index_of, parse_key
 from ._limits import check_memory
@@ -49,6 +49,23 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     encoding = {name: {**each.encoding, **chunks} for name, each in data.items() if each.ndim}
     data.to_zarr(path, mode="w", zarr_format=3, consolidated=False, encoding=encoding)
     return ()
+
+
+def open_array(path: Path) -> zarr.Array:
+    """A Zarr array on its own, for reading part by part; its codecs are checked.
+
+    Raises
+    ------
+    InputError
+        The folder is no such array.
+    """
+    try:
+        array = zarr.open_array(path, mode="r")
+    except Exception as error:
+        raise InputError(f"{path}: is not a Zarr array ({one_line(error)})") from error
+    check_dtype(array.dtype)
+    _check_codecs(array)
+    return array
 
 
 def _read_group(path: Path, key: str | None) -> Grid:

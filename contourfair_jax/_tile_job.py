@@ -1,0 +1,250 @@
+"""A job from its arguments, and its course: begun or resumed, run, finished."""
+
+import dataclasses
+import uuid
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from . import _check
+from ._local import LocalFairing
+from ._method import AbstractFairing
+from ._tile_program import overlap_of, tile_bytes
+from ._tile_run import Job, run_all
+from ._tile_source import Source, fingerprint, is_shared, slabs, source_of
+from ._tile_state import DONE, OPEN, UNCONVERGED, Unfinished
+from ._tiling import Tiling
+from .io import InputError, exact_float
+from .io._atomic import in_one_line
+from .io._errors import one_line
+
+# Memory of a process beside its tile: Python, JAX, the compiled program.
+_PROCESS_BYTES = 512 * 2**20
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What a run did.
+
+    Parameters
+    ----------
+    shape
+        Samples per axis of the output.
+    tiles
+        Number of tiles.
+    resumed
+        How many of them were there from an earlier run.
+    unconverged
+        How many did not meet the tolerance of global fairing.
+    """
+
+    shape: tuple[int, ...]
+    tiles: int
+    resumed: int
+    unconverged: int
+
+
+def plan_job(
+    given: Any,
+    factor: int,
+    method: AbstractFairing | None,
+    spacing: float | Sequence[float],
+    dtype: Any,
+) -> Job:
+    """A job without a store.
+
+    Raises
+    ------
+    ValueError
+        For an argument that cannot be used.
+    """
+    source = source_of(given)
+    array = source.open()
+    shape, kind = tuple(int(n) for n in array.shape), np.dtype(array.dtype)
+    if kind.kind not in "biuf":
+        raise ValueError(f"source must hold real numbers, got dtype {kind}; convert it first")
+    if len(shape) not in _check.DIMENSIONS or min(shape) < 3:
+        raise ValueError(
+            f"source must be 2-D or 3-D with at least 3 samples along every axis, got shape {shape}"
+        )
+    _check.check_count(factor, 1, "factor")
+    chosen = np.dtype(exact_float(kind) if dtype is None else dtype)
+    if chosen not in (np.float32, np.float64):
+        raise ValueError(f"dtype must be float32 or float64, got {chosen}")
+    steps = np.asarray(spacing, float)
+    if steps.shape not in ((), (len(shape),)) or not (np.isfinite(steps) & (steps > 0)).all():
+        raise ValueError(
+            f"spacing must be one number above zero or {len(shape)} of them, got {spacing!r}"
+        )
+    steps = np.broadcast_to(steps, len(shape))
+    method = LocalFairing() if method is None else method
+    halo, cells = overlap_of(method, len(shape), factor)
+    tiling = Tiling(shape, int(factor), cells, halo)
+    return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen)
+
+
+def run_job(
+    job: Job,
+    state: Unfinished,
+    workers: int | Executor = 1,
+    resume: bool = False,
+    memory: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    prepare: Callable[[Path], None] | None = None,
+) -> Outcome:
+    """Do a job, or what is left of it; the public face is `tiles.refine_to`.
+
+    Parameters
+    ----------
+    prepare
+        Makes the folder that the store is to be a member of.
+    """
+    if not isinstance(workers, Executor):
+        _check.check_count(workers, 1, "workers")
+    workers = _affordable(job, workers, memory)
+    state.check_target()
+    with state.held():
+        if state.started and not resume:
+            raise InputError(
+                f"{state.target}: an unfinished run is in {state.folder}; resume it, or delete "
+                "that folder to start afresh"
+            )
+        settings = settings_of(job)
+        if state.started:
+            state.compare(settings)
+        else:
+            _begin(job, state, settings, prepare)
+        resumed = int(np.count_nonzero(state.states()))
+        with _kept(state):
+            _run_rest(_shared(job, state, workers), state, workers, progress)
+        failed = int(np.count_nonzero(state.states() == UNCONVERGED))
+        with in_one_line(state.target):
+            state.finish()
+    if failed:
+        warnings.warn(
+            f"global fairing did not converge in {failed} of {len(job.tiling)} tiles; raise "
+            "max_steps or thin_plate_weight",
+            UserWarning,
+            stacklevel=3,
+        )
+    return Outcome(job.tiling.fine_shape, len(job.tiling), resumed, failed)
+
+
+def settings_of(job: Job) -> dict[str, Any]:
+    """What a result depends on, to the last bit, by names for messages."""
+    array, method = job.source.open(), job.method
+    of_method = {
+        f"method.{field.name}": _plain(getattr(method, field.name))
+        for field in dataclasses.fields(method)
+    }
+    return {
+        "shape of the input": list(job.tiling.shape),
+        "type of the input": np.dtype(array.dtype).str,
+        "factor": job.tiling.factor,
+        "method": type(method).__name__,
+        **of_method,
+        "spacing": list(job.spacing),
+        "precision": job.dtype.name,
+        "stored type": None if job.store is None else job.store.dtype.name,
+        "tile": [job.tiling.cells, job.tiling.halo],
+        "version of contourfair-jax": version("contourfair-jax"),
+        "version of jax": version("jax"),
+        "content of the input": fingerprint(array),
+    }
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return np.asarray(value).tolist() if eqx.is_array_like(value) else repr(value)
+
+
+def _begin(
+    job: Job,
+    state: Unfinished,
+    settings: dict[str, Any],
+    prepare: Callable[[Path], None] | None,
+) -> None:
+    """An empty output, and the record of what it is to be."""
+    assert job.store is not None
+    with in_one_line(state.target):
+        state.clear()
+        if prepare is not None:
+            prepare(state.data)
+        job.store.create(job.tiling)
+        state.begin(settings, len(job.tiling))
+
+
+def _run_rest(
+    job: Job,
+    state: Unfinished,
+    workers: int | Executor,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """The tiles that are not done."""
+    states = state.states()
+    count, total = int(np.count_nonzero(states)), len(states)
+    rest = np.flatnonzero(states == OPEN).tolist()
+    if not rest:
+        return
+    assert job.store is not None
+    job.store.sweep()
+    with state.marking() as mark:
+
+        def done(number: int, converged: bool) -> None:
+            nonlocal count
+            mark(number, DONE if converged else UNCONVERGED)
+            count += 1
+            if progress is not None:
+                progress(count, total)
+
+        if progress is not None:
+            progress(count, total)
+        run_all(job, rest, workers, done)
+
+
+def _shared(job: Job, state: Unfinished, workers: int | Executor) -> Job:
+    """The job with a source that other processes can open: an array in memory is stored first."""
+    if workers == 1 or is_shared(job.source):
+        return job
+    array, path = job.source.open(), state.folder / "input.npy"
+    stored = np.lib.format.open_memmap(path, "w+", np.dtype(array.dtype), tuple(array.shape))
+    for slab in slabs(array):
+        stored[slab] = np.asarray(array[slab])
+    stored.flush()
+    source: Source = source_of(path)
+    return dataclasses.replace(job, source=source)
+
+
+@contextmanager
+def _kept(state: Unfinished) -> Iterator[None]:
+    """Errors of writing in one line that says what is left."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{state.target}: cannot be written ({error.strerror or one_line(error)}); the tiles "
+            f"that are done are kept in {state.folder}: mend it and resume"
+        ) from error
+
+
+def _affordable(job: Job, workers: int | Executor, memory: int | None) -> int | Executor:
+    """As many workers as `memory` has room for."""
+    if memory is None:
+        return workers
+    each = _PROCESS_BYTES + tile_bytes(job.tiling, job.dtype.itemsize)
+    if memory < each:
+        raise ValueError(
+            f"memory must be at least {each} bytes for tiles of this method and factor, "
+            f"got {memory}"
+        )
+    # More than one worker are processes of their own, beside this one.
+    fit = (memory - _PROCESS_BYTES) // each
+    return max(1, min(workers, fit)) if isinstance(workers, int) else workers

@@ -1,0 +1,132 @@
+"""Where the samples of tiles come from: arrays that slice, and how a worker opens them again."""
+
+import hashlib
+import math
+import mmap
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._tiling import Slices
+from .io import InputError
+from .io._npy import read_header
+
+# Bytes of samples that are read at once where the order does not matter.
+_SLAB_BYTES = 2**25
+
+
+@dataclass(frozen=True)
+class MappedFile:
+    """An array in a file that is mapped to memory, by where it lies."""
+
+    path: str
+    offset: int
+    shape: tuple[int, ...]
+    dtype: str
+    order: str
+
+    def open(self) -> np.ndarray:
+        """The array, read-only."""
+        return np.memmap(
+            self.path,
+            self.dtype,
+            "r",
+            self.offset,
+            self.shape,
+            self.order,  # pyright: ignore
+        )
+
+
+@dataclass(frozen=True)
+class Held:
+    """An array that is handed over as it is: picklable, as Zarr's, or used in this process only."""
+
+    array: Any
+
+    def open(self) -> Any:
+        """The array."""
+        return self.array
+
+
+Source = MappedFile | Held
+
+
+def source_of(given: Any) -> Source:
+    """How to open `given`: the path of a ``.npy`` file or a Zarr array, or anything that slices.
+
+    Raises
+    ------
+    InputError
+        The path names no such file.
+    ValueError
+        `given` is not an array of real numbers.
+    """
+    if isinstance(given, str | os.PathLike):
+        return _from_path(Path(given))
+    if isinstance(given, np.memmap) and isinstance(given.base, mmap.mmap) and given.filename:
+        order = "C" if given.flags.c_contiguous else "F"
+        path = os.path.abspath(str(given.filename))
+        return MappedFile(path, given.offset, given.shape, given.dtype.str, order)
+    if not all(hasattr(given, name) for name in ("shape", "dtype", "__getitem__")):
+        given = np.asarray(given)
+    return Held(given)
+
+
+def _from_path(path: Path) -> Source:
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file")
+    if path.is_dir():
+        from .io._zarr import open_array
+
+        return Held(open_array(path))
+    if path.suffix != ".npy":
+        raise InputError(f"{path}: .npy files and .zarr folders are read in tiles")
+    with open(path, "rb") as stream:
+        try:
+            shape, fortran, dtype = read_header(stream)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        offset = stream.tell()
+    promised = offset + math.prod(shape) * dtype.itemsize
+    if dtype.hasobject or promised > path.stat().st_size:
+        raise InputError(f"{path}: is truncated, or holds objects instead of numbers")
+    return MappedFile(os.path.abspath(path), offset, shape, dtype.str, "F" if fortran else "C")
+
+
+def is_shared(source: Source) -> bool:
+    """Whether another process can open it for the price of a path."""
+    if isinstance(source, MappedFile):
+        return True
+    return type(source.array).__module__.split(".")[0] == "zarr" and hasattr(
+        getattr(source.array, "store", None), "root"
+    )
+
+
+def read_block(array: Any, block: Slices, dtype: np.dtype) -> np.ndarray:
+    """Samples of a block in the precision to compute in; infinite ones are missing, as NaN."""
+    values = np.asarray(array[block]).astype(dtype)
+    values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def fingerprint(array: Any) -> str:
+    """A hash of all samples, whatever the chunks."""
+    digest = hashlib.blake2b(digest_size=16)
+    for slab in slabs(array):
+        digest.update(np.ascontiguousarray(np.asarray(array[slab])).data)
+    return digest.hexdigest()
+
+
+def slabs(array: Any) -> Iterator[Slices]:
+    """Parts along the first axis, whole chunks where there are chunks."""
+    row = math.prod(array.shape[1:]) * np.dtype(array.dtype).itemsize
+    rows = max(1, _SLAB_BYTES // max(row, 1))
+    chunks = getattr(array, "chunks", None)
+    if chunks and isinstance(chunks[0], int):
+        rows = max(chunks[0], rows // chunks[0] * chunks[0])
+    for start in range(0, array.shape[0], rows):
+        yield (slice(start, min(start + rows, array.shape[0])),)

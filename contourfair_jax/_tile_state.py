@@ -1,0 +1,140 @@
+"""An unfinished run beside its target: what it is of, which tiles are done, how it ends.
+
+The folder ``TARGET.partial`` holds the output so far, ``settings.json`` and ``done``, one byte for
+each tile, set when the tile has been written.  The target itself is untouched until the end, when
+the output is renamed over it.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .io import InputError
+from .io._atomic import check_folder, check_target, flush, in_one_line
+
+OPEN, DONE, UNCONVERGED = 0, 1, 2
+_NOTE = "unfinished: continue with resume, or delete this folder"
+
+
+class Unfinished:
+    """The folder of a run that is not finished.
+
+    Parameters
+    ----------
+    target
+        The path that the output will have.
+    """
+
+    def __init__(self, target: str | os.PathLike[str]) -> None:
+        self.target = Path(os.path.realpath(target))
+        self.folder = self.target.with_name(self.target.name + ".partial")
+        self.data = self.folder / f"data{self.target.suffix.lower()}"
+        self._old = self.folder / f"old{self.target.suffix.lower()}"
+        self._settings, self._done = self.folder / "settings.json", self.folder / "done"
+
+    def check_target(self) -> None:
+        """Refuse a target that cannot become what its name says."""
+        (check_folder if self.target.suffix.lower() == ".zarr" else check_target)(self.target)
+
+    @property
+    def started(self) -> bool:
+        """Whether an earlier run got as far as writing tiles."""
+        return self._settings.exists()
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Make the folder, and keep other processes from it for as long as this one lives."""
+        with in_one_line(self.target):
+            self.folder.mkdir(exist_ok=True)
+            stream = open(self.folder / "lock", "w")  # noqa: SIM115
+        with stream:
+            _lock(stream, self.target)
+            try:
+                yield
+            finally:
+                if not self.started:
+                    shutil.rmtree(self.folder, ignore_errors=True)
+
+    def compare(self, settings: Mapping[str, Any]) -> None:
+        """Refuse to go on with other settings or another input, naming the first difference."""
+        try:
+            stored = json.loads(self._settings.read_text())
+        except (OSError, ValueError) as error:
+            raise InputError(
+                f"{self._settings}: cannot be read; delete {self.folder} to start afresh"
+            ) from error
+        for name, value in json.loads(json.dumps(settings)).items():
+            if stored.get(name) != value:
+                raise InputError(
+                    f"{self.target}: cannot be resumed, for {name} was "
+                    f"{_short(stored.get(name))} and is {_short(value)}; repeat the run as it "
+                    f"was, or delete {self.folder}"
+                )
+
+    def begin(self, settings: Mapping[str, Any], tiles: int) -> None:
+        """Record what the run is of; call it when the empty output is there."""
+        self._done.write_bytes(bytes(tiles))
+        new = self._settings.with_suffix(".new")
+        new.write_text(json.dumps({"note": _NOTE, **settings}, indent=1))
+        os.replace(new, self._settings)
+
+    def clear(self) -> None:
+        """Remove what a run left that was stopped before it began."""
+        for each in (self.data, self._old):
+            if each.is_dir():
+                shutil.rmtree(each)
+            else:
+                each.unlink(missing_ok=True)
+
+    def states(self) -> np.ndarray:
+        """The state of every tile."""
+        return np.frombuffer(self._done.read_bytes(), np.uint8)
+
+    @contextmanager
+    def marking(self) -> Iterator[Any]:
+        """A function ``mark(number, state)``."""
+        with open(self._done, "r+b", buffering=0) as stream:
+
+            def mark(number: int, state: int) -> None:
+                stream.seek(number)
+                stream.write(bytes([state]))
+
+            yield mark
+
+    def finish(self) -> None:
+        """Rename the output over the target; may be repeated after having been interrupted."""
+        if self.data.exists():
+            files = self.data.rglob("*") if self.data.is_dir() else [self.data]
+            for each in files:
+                if each.is_file():
+                    flush(each)
+            if self.data.is_dir() and self.target.exists():
+                if self._old.exists():
+                    shutil.rmtree(self._old)
+                os.rename(self.target, self._old)
+            elif self.target.exists():
+                shutil.copymode(self.target, self.data)
+            os.replace(self.data, self.target)
+        self._settings.unlink()
+        shutil.rmtree(self.folder)
+
+
+def _lock(stream: Any, target: Path) -> None:
+    with suppress(ImportError):  # no such locks on Windows
+        import fcntl
+
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(f"{target}: another process is writing it; wait for it") from error
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

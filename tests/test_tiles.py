@@ -1,0 +1,405 @@
+"""Tiles: the same result however the work is cut, divided, interrupted; nothing is lost."""
+
+import os
+import random
+import resource
+import signal
+import socket
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tile_worker
+import xarray as xr
+import zarr
+from conftest import SEED
+
+import contourfair_jax as cf
+from contourfair_jax import _tile_program, tiles
+from contourfair_jax._tiling import Tiling
+from contourfair_jax.io import InputError
+
+METHOD = tile_worker.METHOD
+SHAPE = (31, 42)
+WORKER = Path(tile_worker.__file__)
+
+
+@pytest.fixture(autouse=True)
+def small_tiles(monkeypatch):
+    """Tiles of 8 x 8 or 4 x 4 x 4 cells."""
+    for method, overlap in tile_worker.SMALL.items():
+        monkeypatch.setitem(_tile_program._OVERLAPS, method, overlap)
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return np.random.default_rng(SEED).standard_normal(SHAPE)
+
+
+@pytest.fixture(scope="module")
+def whole(samples):
+    return np.asarray(cf.fair_field(samples, method=METHOD).refine(2))
+
+
+def refined(source, target, **settings):
+    outcome = tiles.refine_to(source, target, 2, **{"method": METHOD, **settings})
+    assert not Path(f"{target}.partial").exists()
+    stored = np.load(target) if str(target).endswith(".npy") else zarr.open_array(target)[:]
+    assert stored.shape == outcome.shape
+    return stored
+
+
+@pytest.mark.parametrize("halo", [1, 3])
+@pytest.mark.parametrize("cells", [4, 5])
+@pytest.mark.parametrize("shape", [(3, 21), (5, 6), (9, 10, 4), (17, 16)])
+def test_tiles_are_a_partition_in_whole_chunks(shape, cells, halo):
+    tiling = Tiling(shape, 3, cells, halo)
+    owner = np.full(tiling.fine_shape, -1)
+    chunks = set()
+    for tile in tiling:
+        assert (owner[tile.region] == -1).all()
+        owner[tile.region] = tile.number
+        index = [range(part.start, part.stop) for part in tile.region]
+        cut = [range(part.start, part.stop) for part in tile.cut]
+        blocks = [part.start for part in tile.block]
+        assert [len(range(part.start, part.stop)) for part in tile.block] == [*tiling.block]
+        for axis, n in enumerate(shape):
+            assert 0 <= blocks[axis] <= n - tiling.block[axis]
+            assert 0 <= tile.offset[axis] <= tiling.block[axis] - 1 - tiling.window[axis]
+            start = 3 * (blocks[axis] + tile.offset[axis])
+            assert index[axis][0] - start == cut[axis][0]
+            # Cells whose halo is not in the block are those at the border of the grid.
+            first, last = index[axis][0] // 3, -(-index[axis][-1] // 3)
+            assert blocks[axis] in (0, max(blocks[axis], 0))
+            assert blocks[axis] == 0 or first - blocks[axis] >= min(halo, first)
+            end = blocks[axis] + tiling.block[axis]
+            assert end == n or end - 1 - last >= halo
+        own = {tuple(int(i) for i in np.array([r[0] for r in index]) // tiling.chunks)}
+        assert not own & chunks
+        chunks |= own
+    assert (owner >= 0).all()
+    assert tuple(map(sum, tiling.sizes)) == tiling.fine_shape
+
+
+def test_every_way_of_running_gives_the_same_bits(tmp_path, samples, whole):
+    first = refined(samples, tmp_path / "memory.npy")
+    np.testing.assert_allclose(first, whole, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(first[::2, ::2], samples)
+    np.save(tmp_path / "c.npy", samples)
+    np.save(tmp_path / "f.npy", np.asfortranarray(samples))
+    sources = {
+        "path.npy": tmp_path / "c.npy",
+        "fortran.zarr": tmp_path / "f.npy",
+        "map.npy": np.load(tmp_path / "c.npy", mmap_mode="r"),
+        "part.npy": np.load(tmp_path / "c.npy", mmap_mode="r")[:, :],
+        "swapped.npy": samples.astype(">f8"),
+        "labelled.zarr": xr.DataArray(samples, dims=("y", "x")),
+    }
+    for chunks in ((7, 9), (31, 5)):
+        path = tmp_path / f"in{chunks[0]}.zarr"
+        array = zarr.create_array(str(path), shape=SHAPE, chunks=chunks, dtype="f8")
+        array[:] = samples
+        sources[f"zarr{chunks[0]}.zarr"] = path
+        sources[f"array{chunks[0]}.npy"] = zarr.open_array(path, mode="r")
+    for name, source in sources.items():
+        np.testing.assert_array_equal(refined(source, tmp_path / name), first, name)
+    with ThreadPoolExecutor(2) as threads:
+        np.testing.assert_array_equal(
+            refined(samples, tmp_path / "threads.zarr", workers=threads), first
+        )
+    backwards = np.zeros_like(first)
+    for region, values in reversed(list(tiles.refine_tiles(samples, 2, method=METHOD))):
+        backwards[region] = values
+    np.testing.assert_array_equal(backwards, first)
+
+
+@pytest.mark.slow
+def test_processes_give_the_same_bits(tmp_path, samples):
+    first = refined(samples, tmp_path / "one.zarr", workers=1)
+    np.testing.assert_array_equal(refined(samples, tmp_path / "two.zarr", workers=2), first)
+    assert zarr.open_array(tmp_path / "two.zarr").chunks == (16, 16)
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_gives_the_same_bits(tmp_path, samples):
+    distributed = pytest.importorskip("distributed")
+    first = refined(samples, tmp_path / "one.zarr")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+        client.get_executor() as executor,
+    ):
+        second = refined(samples, tmp_path / "two.zarr", workers=executor)
+    np.testing.assert_array_equal(second, first)
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype"),
+    [
+        (SHAPE, "float32"),
+        (SHAPE, "int16"),
+        pytest.param((11, 6, 9), "float32", marks=pytest.mark.slow),
+    ],
+)
+def test_volumes_gaps_and_types(tmp_path, rng, shape, dtype):
+    values = (100 * rng.standard_normal(shape)).astype(dtype)
+    if dtype == "float32":
+        values[4, 3] = np.nan
+        values[0, 0] = np.inf
+    fine = refined(values, tmp_path / "fine.zarr")
+    assert fine.dtype == np.float32
+    known = np.where(np.isinf(values), np.nan, values.astype(np.float32))
+    expected = np.asarray(cf.fair_field(known, method=METHOD).refine(2))
+    np.testing.assert_allclose(fine, expected, rtol=0, atol=3e-4)
+
+
+@pytest.mark.slow
+def test_global_tiles_agree_with_the_whole(tmp_path):
+    """With the halo that users get, seams are below 1e-5 of the range, on noise too."""
+    halo = 24
+    _tile_program._OVERLAPS[cf.GlobalFairing] = _tile_program.Overlap(halo, {2: 12})
+    noise = np.random.default_rng(SEED).standard_normal((7, 80))
+    method = cf.GlobalFairing(iterations=2)
+    fine = refined(noise, tmp_path / "fine.npy", method=method)
+    exact = cf.GlobalFairing(iterations=2, tolerance=1e-9)
+    whole = np.asarray(cf.fair_field(noise, method=exact).refine(2))
+    assert np.abs(fine - whole).max() < 1e-5 * np.ptp(noise)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"source": np.zeros(5)}, "source must be 2-D or 3-D"),
+        ({"source": np.zeros((2, 5))}, "at least 3 samples"),
+        ({"source": np.zeros((4, 4), complex)}, "source must hold real numbers"),
+        ({"factor": 0}, "factor must be an integer"),
+        ({"spacing": (1.0, -1.0)}, "spacing must be one number above zero"),
+        ({"spacing": (1.0, 1.0, 1.0)}, "spacing must be one number above zero"),
+        ({"dtype": "int32"}, "dtype must be float32 or float64"),
+        ({"workers": 0}, "workers must be an integer"),
+        ({"memory": 1000}, "memory must be at least"),
+        ({"method": cf.GlobalFairing(sigma=0.1)}, "method.sigma looks at the whole grid"),
+        ({"method": "local"}, "method must be one of LocalFairing"),
+        ({"target": "fine.tif"}, "names that end in .zarr or .npy"),
+        ({"target": "absent/fine.npy"}, "there is no folder"),
+        ({"source": "absent.npy"}, "there is no such file"),
+    ],
+)
+def test_arguments_are_checked(tmp_path, arguments, said):
+    call = {"source": np.zeros((4, 5)), "factor": 2, "target": "fine.npy", **arguments}
+    source, target, factor = call.pop("source"), tmp_path / call.pop("target"), call.pop("factor")
+    with pytest.raises(ValueError, match=said):
+        tiles.refine_to(source, target, factor, **call)
+    assert list(tmp_path.iterdir()) == []
+
+
+def stopped(tmp_path, samples, target, after=7):
+    """A run that ends by an error of its caller after some tiles."""
+
+    class Stop(Exception):
+        pass
+
+    def progress(done, total):
+        if done == after:
+            raise Stop
+
+    with pytest.raises(Stop):
+        tiles.refine_to(samples, target, 2, method=METHOD, progress=progress)
+    assert Path(f"{target}.partial").is_dir()
+
+
+def test_other_settings_or_input_are_not_resumed(tmp_path, samples):
+    target = tmp_path / "fine.zarr"
+    stopped(tmp_path, samples, target)
+    other = samples.copy()
+    other[3, 4] += 1
+    for source, settings, said in (
+        (samples, {"method": cf.LocalFairing()}, "method.iterations was 0 and is 3"),
+        (samples, {"spacing": 2.0}, "spacing was"),
+        (samples, {"dtype": "float32"}, "precision was"),
+        (samples[:-1], {}, "shape of the input was"),
+        (other, {}, "content of the input was"),
+    ):
+        with pytest.raises(InputError, match=said):
+            refined(source, target, resume=True, **settings)
+    with pytest.raises(InputError, match="an unfinished run is in"):
+        refined(samples, target)
+    seen = []
+    outcome = tiles.refine_to(
+        samples, target, 2, method=METHOD, resume=True, progress=lambda *counts: seen.append(counts)
+    )
+    assert outcome.resumed == 7
+    assert seen[0] == (7, 24)
+    assert seen[-1] == (24, 24)
+    np.testing.assert_array_equal(
+        zarr.open_array(target)[:], refined(samples, tmp_path / "undisturbed.zarr")
+    )
+
+
+def test_a_full_disk_keeps_what_is_there(tmp_path, samples):
+    target = tmp_path / "fine.npy"
+    np.save(target, np.zeros(3))
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        for name, size in (("fine.npy", 20000), ("fine.zarr", 1500)):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+            with pytest.raises(InputError, match=r"cannot be written \(File too large") as caught:
+                tiles.refine_to(samples, tmp_path / name, 2, method=METHOD)
+            assert "\n" not in str(caught.value)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+        signal.signal(signal.SIGXFSZ, handler)
+    np.testing.assert_array_equal(np.load(target), np.zeros(3))
+    refined(samples, target, resume=True)
+    refined(samples, tmp_path / "fine.zarr", resume=True)
+
+
+def test_read_only_and_taken_targets(tmp_path, samples):
+    with pytest.raises(InputError, match="cannot be written"):
+        tiles.refine_to(samples, "/proc/self/fine.zarr", 2, method=METHOD)
+    (tmp_path / "taken.zarr").mkdir()
+    (tmp_path / "taken.zarr" / "mine.txt").write_text("x")
+    with pytest.raises(InputError, match="folder of something else"):
+        tiles.refine_to(samples, tmp_path / "taken.zarr", 2, method=METHOD)
+
+
+def test_one_process_at_a_time(tmp_path, samples):
+    def progress(done, total):
+        if done == 3:
+            with pytest.raises(InputError, match="another process is writing it"):
+                tiles.refine_to(samples, target, 2, method=METHOD, resume=True)
+
+    target = tmp_path / "fine.npy"
+    tiles.refine_to(samples, target, 2, method=METHOD, progress=progress)
+
+
+def test_an_interrupted_end_is_finished(tmp_path, samples, monkeypatch):
+    target = tmp_path / "fine.zarr"
+    first = refined(samples, target)
+
+    def rename(*names):
+        if Path(names[0]).name == "data.zarr":
+            raise KeyboardInterrupt
+        return replace(*names)
+
+    replace = os.replace
+    monkeypatch.setattr(os, "replace", rename)
+    with pytest.raises(KeyboardInterrupt):
+        tiles.refine_to(samples + 1, target, 2, method=METHOD)
+    monkeypatch.setattr(os, "replace", replace)
+    assert not target.exists()
+    second = refined(samples + 1, target, resume=True)
+    assert not np.array_equal(first, second)
+    np.testing.assert_array_equal(second, refined(samples + 1, tmp_path / "undisturbed.zarr"))
+
+
+def environment(**settings):
+    """For processes that import the package as this one does."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **settings}
+
+
+def start(source, target, pause, cache):
+    """A process that refines, with a compile cache so that it starts at once."""
+    command = [sys.executable, str(WORKER), "refine", str(source), str(target), str(pause)]
+    settings = environment(
+        JAX_COMPILATION_CACHE_DIR=str(cache), JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0"
+    )
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=settings,
+    )
+
+
+def killed_and_resumed(tmp_path, samples, suffix, kills):
+    """Kill a run at random moments, let the last one end; the number of times it was killed."""
+    source, target = tmp_path / "source.npy", tmp_path / f"fine{suffix}"
+    np.save(source, samples)
+    np.save(tmp_path / "earlier.npy", np.zeros(3))
+    chance = random.Random(SEED)
+    count, total = 0, 24
+    for k in range(kills):
+        process = start(source, target, 0.01, tmp_path / "cache")
+        goal = min(total - 1, (k + 1) * total // (kills + 1))
+        for line in process.stdout:
+            if int(line) >= goal:
+                break
+        try:
+            process.wait(chance.uniform(0, 0.03))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            count += 1
+        process.communicate()
+        assert not target.exists() or process.returncode == 0
+    process = start(source, target, 0, tmp_path / "cache")
+    _, said = process.communicate()
+    assert process.returncode == 0, said
+    return count, target
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kills"),
+    [
+        (".zarr", 3),
+        pytest.param(".zarr", 25, marks=pytest.mark.slow),
+        pytest.param(".npy", 25, marks=pytest.mark.slow),
+    ],
+)
+def test_kills_lose_nothing(tmp_path, samples, suffix, kills, record_property):
+    count, target = killed_and_resumed(tmp_path, samples, suffix, kills)
+    stored = np.load(target) if suffix == ".npy" else zarr.open_array(target)[:]
+    undisturbed = refined(samples, tmp_path / f"undisturbed{suffix}")
+    np.testing.assert_array_equal(stored, undisturbed)
+    assert not [path for path in tmp_path.rglob("*") if "partial" in path.name]
+    record_property("kills", count)
+    assert count >= min(kills, 20)
+
+
+@pytest.fixture
+def four_devices(monkeypatch):
+    flags = os.environ.get("XLA_FLAGS", "")
+    monkeypatch.setenv("XLA_FLAGS", f"{flags} --xla_force_host_platform_device_count=4")
+
+
+def on_mesh(tmp_path, samples, what):
+    np.save(tmp_path / "samples.npy", samples)
+    command = [sys.executable, str(WORKER), "mesh", str(tmp_path / "samples.npy"), what]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=250, env=environment())
+    assert done.returncode == 0, done.stderr
+    return [float(text) for text in done.stdout.split()]
+
+
+def test_four_devices_agree_with_one(tmp_path, samples, four_devices):
+    devices, from_tiles, from_whole = on_mesh(tmp_path, samples, "values")
+    assert devices == 4
+    assert from_tiles < 1e-13
+    assert from_whole < 1e-13
+
+
+@pytest.mark.slow
+def test_gradient_from_four_devices(tmp_path, samples, four_devices):
+    assert on_mesh(tmp_path, samples, "gradient")[0] < 1e-11
+
+
+@pytest.mark.slow
+def test_two_processes_are_one_machine(tmp_path, samples):
+    np.save(tmp_path / "samples.npy", samples)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, str(WORKER), "pair", str(tmp_path / "samples.npy"), str(port)]
+    pair = [
+        subprocess.Popen([*command, number], stdout=-1, stderr=-1, text=True, env=environment())
+        for number in "01"
+    ]
+    said = [process.communicate(timeout=250) for process in pair]
+    assert [process.returncode for process in pair] == [0, 0], said
+    assert all(out.startswith("equal 2 1") for out, _ in said)

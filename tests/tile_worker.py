@@ -1,0 +1,73 @@
+"""Processes of the tests of tiles: one that gets killed, one with four devices, two as one.
+
+Tiles are small here, so that small grids have many.
+"""
+
+import sys
+import time
+
+import jax
+import numpy as np
+from jax.sharding import Mesh
+
+import contourfair_jax as cf
+from contourfair_jax import _tile_program, tiles
+from contourfair_jax._tile_program import Overlap
+
+SMALL = {
+    cf.LocalFairing: Overlap(1, {2: 8, 3: 4}),
+    cf.GlobalFairing: Overlap(6, {2: 8, 3: 4}),
+}
+METHOD = cf.LocalFairing(iterations=0)
+
+
+def refine(source, target, pause):
+    """Refine slowly enough to be killed on the way; say how many tiles are done."""
+
+    def progress(done, total):
+        print(done, flush=True)
+        time.sleep(float(pause))
+
+    tiles.refine_to(source, target, 2, method=METHOD, resume=True, progress=progress)
+
+
+def mesh(path, what):
+    """How far four devices are from one: refined samples, or the gradient of a sum of squares."""
+    values = np.load(path)
+    grid = Mesh(np.array(jax.devices()).reshape(2, 2), ("rows", "columns"))
+
+    def sharded(values):
+        return tiles.refine_sharded(values, 2, grid, method=METHOD)
+
+    def whole(values):
+        return cf.fair_field(values, method=METHOD).refine(2)
+
+    if what == "gradient":
+        ours, theirs = (
+            jax.grad(lambda values, refine=refine: (refine(values) ** 2).sum())(values)
+            for refine in (sharded, whole)
+        )
+    else:
+        ours, theirs = sharded(values), whole(values)
+        tiled = np.zeros(ours.shape)
+        for region, part in tiles.refine_tiles(values, 2, method=METHOD):
+            tiled[region] = part
+        print(len(ours.sharding.device_set), float(np.abs(np.asarray(ours) - tiled).max()))
+    print(float(np.abs(np.asarray(ours) - np.asarray(theirs)).max()))
+
+
+def pair(path, port, number):
+    """One of two processes that refine together, each with its half of the devices."""
+    jax.distributed.initialize(f"127.0.0.1:{port}", 2, int(number))
+    values = np.load(path)
+    grid = Mesh(np.array(jax.devices()), ("rows",))
+    fine = tiles.refine_sharded(values, 2, grid, method=METHOD)
+    plain = np.asarray(cf.fair_field(values, method=METHOD).refine(2))
+    for shard in fine.addressable_shards:
+        np.testing.assert_allclose(shard.data, plain[shard.index], atol=1e-12)
+    print("equal", len(jax.devices()), len(jax.local_devices()))
+
+
+if __name__ == "__main__":
+    _tile_program._OVERLAPS.update(SMALL)
+    {"refine": refine, "mesh": mesh, "pair": pair}[sys.argv[1]](*sys.argv[2:])

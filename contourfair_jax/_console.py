@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 _PATIENCE = 1.0
 
@@ -59,6 +68,37 @@ class Reporter:
             timer.join()
             if progress.live.is_started:
                 progress.stop()
+
+    @contextmanager
+    def counting(self, text: str, unit: str, size: float) -> Iterator[Callable[[int, int], None]]:
+        """A function ``(done, all)`` that moves a bar, with the rate and the time left.
+
+        Parameters
+        ----------
+        unit, size
+            What the rate is counted in, and how many of them all is.
+        """
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeRemainingColumn(compact=True, elapsed_when_finished=True),
+        )
+        shown = not self.quiet and self._console.is_terminal
+        with Progress(*columns, console=self._console, transient=True, disable=not shown) as bar:
+            task = bar.add_task(text, total=None, rate="")
+            began: list[tuple[float, int]] = []
+
+            def move(done: int, total: int) -> None:
+                now = time.monotonic()
+                if not began:
+                    began.append((now, done))
+                seconds, count = now - began[0][0], done - began[0][1]
+                rate = count / total * size / seconds if count else 0
+                bar.update(task, completed=done, total=total, rate=f"{rate:.3g} {unit}/s")
+
+            yield move
 
     def _show(self, progress: Progress, text: str) -> None:
         if self._console.is_terminal:

@@ -28,6 +28,12 @@ Method = Annotated[
     str,
     typer.Option("--method", "-m", help=f"How to fair: {', '.join(METHODS)}."),
 ]
+Workers = Annotated[
+    int, typer.Option(help="Processes that work on a .zarr or .npy output at the same time.")
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Continue a .zarr or .npy output that was stopped.")
+]
 Levels = Annotated[str | None, typer.Option(help="Levels, separated by commas: 100,150,200.")]
 Interval = Annotated[float | None, typer.Option(help="Levels at the multiples of this number.")]
 Count = Annotated[int | None, typer.Option(help="Number of levels, evenly spaced in the range.")]

@@ -62,8 +62,8 @@ METHODS: Mapping[str, Callable[[Grid, Settings], AbstractFairing]] = {
 }
 
 
-def check_fairable(grid: Grid, factor: int = 1, ndim: tuple[int, ...] = (2, 3)) -> None:
-    """Refuse, in one line, what cannot be faired or would not fit in memory."""
+def check_axes(grid: Grid, ndim: tuple[int, ...] = (2, 3)) -> None:
+    """Refuse, in one line, what cannot be faired."""
     shape = " x ".join(str(n) for n in grid.shape)
     if grid.ndim not in ndim:
         wanted = " or ".join(f"{n}-D" for n in ndim)
@@ -76,6 +76,12 @@ def check_fairable(grid: Grid, factor: int = 1, ndim: tuple[int, ...] = (2, 3)) 
             )
     if grid.missing is not None and grid.missing.all():
         raise InputError("every sample is missing, so there is nothing to fair")
+
+
+def check_fairable(grid: Grid, factor: int = 1, ndim: tuple[int, ...] = (2, 3)) -> None:
+    """Refuse, in one line, what cannot be faired or would not fit in memory."""
+    check_axes(grid, ndim)
+    shape = " x ".join(str(n) for n in grid.shape)
     net = math.prod(3 * (n - 1) + 1 for n in grid.shape)
     finer = math.prod(factor * (n - 1) + 1 for n in grid.shape)
     check_memory(8 * (2 * net + 2 * finer), f"fairing {shape} samples and refining by {factor}")
@@ -95,6 +101,22 @@ def precision(single: bool) -> Iterator[None]:
         yield
 
 
+def choose_method(grid: Grid, method: str, settings: Settings) -> AbstractFairing:
+    """The method of a name with the settings that were given.
+
+    Raises
+    ------
+    InputError
+        The method is unknown or a setting is out of its range.
+    """
+    if method not in METHODS:
+        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    try:
+        return METHODS[method](grid, settings)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
 def fair(grid: Grid, method: str, settings: Settings) -> BezierField:
     """The fair field of the samples, in field coordinates, in the present `precision`.
 
@@ -108,11 +130,9 @@ def fair(grid: Grid, method: str, settings: Settings) -> BezierField:
 
     from . import fair_field
 
-    if method not in METHODS:
-        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     values = jnp.asarray(grid.values, dtype=float)
+    chosen = choose_method(grid, method, settings)
     try:
-        chosen = METHODS[method](grid, settings)
         field = fair_field(values, spacing=grid.spacing, origin=grid.origin, method=chosen)
     except ValueError as error:
         raise InputError(str(error)) from error

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ._tiling import Slices
-from .io import InputError
+from .io import Grid, InputError
+from .io._errors import one_line
 from .io._npy import read_header
 
 # Bytes of samples that are read at once where the order does not matter.
@@ -52,7 +53,36 @@ class Held:
         return self.array
 
 
-Source = MappedFile | Held
+@dataclass(frozen=True)
+class ZarrMember:
+    """A Zarr array, or a variable of a group, by the path of its folder."""
+
+    path: str
+    key: str | None = None
+
+    def open(self) -> Any:
+        """The array, of which parts are read when they are sliced."""
+        return self.outline()[1]
+
+    def outline(self) -> tuple[Grid, Any]:
+        """The array and, without samples, the grid that it belongs to.
+
+        Raises
+        ------
+        InputError
+            The folder is damaged, or holds no such array.
+        """
+        from .io._zarr import read_outline
+
+        try:
+            return read_outline(Path(self.path), self.key)
+        except InputError as error:
+            raise InputError(f"{self.path}: {error}") from error
+        except Exception as error:  # the libraries raise anything on damaged folders
+            raise InputError(f"{self.path}: cannot be read as Zarr: {one_line(error)}") from error
+
+
+Source = MappedFile | ZarrMember | Held
 
 
 def source_of(given: Any) -> Source:
@@ -66,7 +96,7 @@ def source_of(given: Any) -> Source:
         `given` is not an array of real numbers.
     """
     if isinstance(given, str | os.PathLike):
-        return _from_path(Path(given))
+        return source_at(Path(given))
     if isinstance(given, np.memmap) and isinstance(given.base, mmap.mmap) and given.filename:
         order = "C" if given.flags.c_contiguous else "F"
         path = os.path.abspath(str(given.filename))
@@ -76,13 +106,11 @@ def source_of(given: Any) -> Source:
     return Held(given)
 
 
-def _from_path(path: Path) -> Source:
+def source_at(path: Path, key: str | None = None) -> Source:
     if not path.exists():
         raise InputError(f"{path}: there is no such file")
     if path.is_dir():
-        from .io._zarr import open_array
-
-        return Held(open_array(path))
+        return ZarrMember(os.path.abspath(path), key)
     if path.suffix != ".npy":
         raise InputError(f"{path}: .npy files and .zarr folders are read in tiles")
     with open(path, "rb") as stream:
@@ -99,7 +127,7 @@ def _from_path(path: Path) -> Source:
 
 def is_shared(source: Source) -> bool:
     """Whether another process can open it for the price of a path."""
-    if isinstance(source, MappedFile):
+    if not isinstance(source, Held):
         return True
     return type(source.array).__module__.split(".")[0] == "zarr" and hasattr(
         getattr(source.array, "store", None), "root"

@@ -11,7 +11,6 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +18,7 @@ import numpy as np
 import typer
 
 from ._console import Reporter
-from ._describe import describe_output, information
+from ._describe import information
 from ._options import (
     Count,
     Crop,
@@ -30,15 +29,18 @@ from ._options import (
     Levels,
     Method,
     Quiet,
+    Resume,
     Single,
     Weight,
+    Workers,
     examples,
     output,
 )
-from ._run import Settings, check_fairable, fair, precision, result_dtype
-from ._steps import check_suffix, levels_of, load, warn_narrowing
+from ._run import Settings, check_fairable, fair, precision
+from ._steps import check_suffix, levels_of, load
+from ._upsample import is_tiled, upsample_in_tiles, upsample_whole
 from ._window import choose_window
-from .io import InputError, check_writable, read, write, write_geojson, write_svg
+from .io import InputError, read, write_geojson, write_svg
 
 app = typer.Typer(
     name="contourfair",
@@ -80,42 +82,40 @@ def _options_of_all(
     epilog=examples(
         "contourfair upsample dem.tif -o dem_4x.tif",
         "contourfair upsample scan.npz --key data -o scan_2x.npz --factor 2",
+        "contourfair upsample big.zarr -o big_4x.zarr --workers 2 --resume",
     )
 )
 def upsample(
     source: Input,
-    target: Annotated[Path, output("File for the finer samples: .npy, .npz, .tif or .png.")],
+    target: Annotated[Path, output("File for the finer samples: .npy, .zarr, .tif and others.")],
     factor: Annotated[int, typer.Option("--factor", "-f", help="How many times finer.")] = 4,
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
     key: Key = None,
     single: Single = False,
+    workers: Workers = 1,
+    resume: Resume = False,
     quiet: Quiet = False,
 ) -> None:
     """Refine samples on the fair field: every sample is kept, and positions stay right.
 
     The result has [bold]factor * (n - 1) + 1[/] samples per axis.  Missing samples stay missing.
+
+    Zarr folders, and large .npy files, are written part by part: they need not fit in memory.
     """
     say = Reporter(quiet)
     if factor < 1:
         raise InputError(f"--factor must be 1 or more, got {factor}")
-    grid = load(source, key, target, say)
-    check_fairable(grid, factor)
-    dtype = result_dtype(grid, single)
-    check_writable(target, replace(grid, values=grid.values.astype(dtype)))
-    warn_narrowing(grid, single, say)
-    size = " x ".join(str(n) for n in grid.shape)
-    with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight))
-        finer = np.asarray(field.refine(factor))
-    result = grid.refined(finer.astype(dtype, copy=False), factor)
-    with say.working(f"writing {target}"):
-        notes = write(target, result)
-    for note in notes:
-        say.note(note)
+    settings = Settings(iterations, thin_plate_weight)
+    if is_tiled(source, target, workers, resume):
+        line = upsample_in_tiles(
+            source, target, factor, method, settings, key, single, workers, resume, say
+        )
+    else:
+        line = upsample_whole(source, target, factor, method, settings, key, single, say)
     if not quiet:
-        typer.echo(describe_output(target, result))
+        typer.echo(line)
 
 
 @app.command(

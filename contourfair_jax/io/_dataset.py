@@ -34,6 +34,21 @@ _AXIS_TEXTS = frozenset(("units", "axis", "standard_name", "long_name", "positiv
 
 def grid_from_dataset(data: xr.Dataset, key: str | None) -> Grid:
     """The variable, or the part of one, that `key` chooses."""
+    array = choose_array(data, key)
+    check_memory(8 * array.size, f"an array of shape {array.shape}")
+    samples = numeric(array.to_numpy())
+    values, missing, notes = mark_missing(samples, _nodata(array))
+    return _described(data, array, samples.dtype, values, missing, notes)
+
+
+def outline_from_dataset(data: xr.Dataset, array: xr.DataArray) -> Grid:
+    """A grid like that of `grid_from_dataset` whose values are one zero: nothing is read."""
+    dtype = np.dtype(np.float32 if array.dtype.kind == "b" else array.dtype)
+    return _described(data, array, dtype, np.broadcast_to(np.zeros((), dtype), array.shape))
+
+
+def choose_array(data: xr.Dataset, key: str | None) -> xr.DataArray:
+    """The variable, or the part of one, that `key` chooses, with y before x; not read yet."""
     name, parts = parse_key(key)
     array = _choose(data, name)
     check_dtype(array.dtype)
@@ -42,13 +57,21 @@ def grid_from_dataset(data: xr.Dataset, key: str | None) -> Grid:
     thin = [dim for dim in array.dims if array.sizes[dim] == 1]
     array = array.isel(dict.fromkeys(thin[: max(array.ndim - 2, 0)], 0))
     _check_axes(array, set(parts))
-    check_memory(8 * array.size, f"an array of shape {array.shape}")
-    samples = numeric(array.to_numpy())
+    return array
+
+
+def _described(
+    data: xr.Dataset,
+    array: xr.DataArray,
+    dtype: np.dtype,
+    values: np.ndarray,
+    missing: np.ndarray | None = None,
+    notes: tuple[str, ...] = (),
+) -> Grid:
     nodata = _nodata(array)
-    values, missing, notes = mark_missing(samples, nodata)
     affine, more = affine_of(array)
     packed = {"scale_factor", "add_offset"} & set(array.encoding)
-    source = samples.dtype if packed else np.dtype(array.encoding.get("dtype", samples.dtype))
+    source = dtype if packed else np.dtype(array.encoding.get("dtype", dtype))
     crs, mapping = _crs(data, array)
     attributes = array.attrs
     return Grid(
@@ -63,7 +86,7 @@ def grid_from_dataset(data: xr.Dataset, key: str | None) -> Grid:
         missing=missing,
         metadata=_metadata(data, array) | mapping,
         notes=notes + more,
-        source_dtype=source if source.kind in "iuf" else samples.dtype,
+        source_dtype=source if source.kind in "iuf" else dtype,
     )
 
 

@@ -11,8 +11,13 @@ import xarray as xr
 import zarr
 from zarr.errors import ContainsGroupError, NodeTypeValidationError
 
-from ._dataset import dataset_from_grid, grid_from_dataset
-from ._errors import InputError, one_line
+from ._dataset import (
+    choose_array,
+    dataset_from_grid,
+    grid_from_dataset,
+    outline_from_dataset,
+)
+from ._errors import InputError
 from ._grid import Grid
 from ._key import index_of, parse_key
 from ._limits import check_memory
@@ -51,24 +56,41 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     return ()
 
 
-def open_array(path: Path) -> zarr.Array:
-    """A Zarr array on its own, for reading part by part; its codecs are checked.
-
-    Raises
-    ------
-    InputError
-        The folder is no such array.
-    """
+def read_outline(path: Path, key: str | None) -> tuple[Grid, Any]:
+    """A grid without its samples, and an array of these that reads what is sliced."""
     try:
         array = zarr.open_array(path, mode="r")
-    except Exception as error:
-        raise InputError(f"{path}: is not a Zarr array ({one_line(error)})") from error
+    except (ContainsGroupError, NodeTypeValidationError):
+        data = _open_group(path)
+        chosen = choose_array(data, key)
+        return outline_from_dataset(data, chosen), chosen
+    if key is not None:
+        raise InputError(f"holds one array of {array.ndim} axes; parts of it are not read in tiles")
     check_dtype(array.dtype)
     _check_codecs(array)
-    return array
+    values = np.broadcast_to(np.zeros((), array.dtype), array.shape)
+    return Grid(values, axes=tuple(_dims(array)), source_dtype=array.dtype), array
+
+
+def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict[str, Any]]:
+    """What a group holds beside the samples of a grid, and their name, axes and attributes."""
+    data = dataset_from_grid(grid)
+    name = next(each for each, array in data.items() if array.ndim)
+    variable = data[name]
+    attributes = {
+        str(k): v.tolist() if isinstance(v, np.ndarray) else v for k, v in variable.attrs.items()
+    }
+    if "grid_mapping" in variable.encoding:
+        attributes["grid_mapping"] = variable.encoding["grid_mapping"]
+    return data.drop_vars(name), str(name), tuple(map(str, variable.dims)), attributes
 
 
 def _read_group(path: Path, key: str | None) -> Grid:
+    with _open_group(path) as data:
+        return grid_from_dataset(data, key)
+
+
+def _open_group(path: Path) -> xr.Dataset:
     group = zarr.open_group(path, mode="r", use_consolidated=False)
     texts = []
     for name, array in group.arrays():
@@ -76,15 +98,14 @@ def _read_group(path: Path, key: str | None) -> Grid:
             _check_codecs(array)
         else:
             texts.append(name)
-    with xr.open_zarr(
+    return xr.open_zarr(
         path,
         consolidated=False,
         decode_times=False,
         decode_coords="all",
         chunks=None,
         drop_variables=texts,
-    ) as data:
-        return grid_from_dataset(data, key)
+    )
 
 
 def _read_array(array: zarr.Array, key: str | None) -> Grid:
@@ -94,14 +115,18 @@ def _read_array(array: zarr.Array, key: str | None) -> Grid:
     name, parts = parse_key(key)
     if name is not None:
         raise InputError(f"holds one array, so there is no {name!r} to choose")
-    named = getattr(array.metadata, "dimension_names", None) or ("z", "y", "x")[-array.ndim :]
-    dims = [named[k] if k < len(named) and named[k] else f"axis{k}" for k in range(array.ndim)]
+    dims = _dims(array)
     index = index_of(parts, dims, array.shape)
     left = [dim for dim, part in zip(dims, index, strict=True) if isinstance(part, slice)]
     check_memory(8 * math.prod(array.shape), f"an array of shape {array.shape}")
     values = xr.DataArray(np.asarray(array[index]), dims=left, attrs=dict(array.attrs))
     whole = ",".join(f"{dim}=:" for dim in left)
     return grid_from_dataset(values.to_dataset(name="data"), f"data,{whole}" if left else "data")
+
+
+def _dims(array: zarr.Array) -> list[str]:
+    named = getattr(array.metadata, "dimension_names", None) or ("z", "y", "x")[-array.ndim :]
+    return [named[k] if k < len(named) and named[k] else f"axis{k}" for k in range(array.ndim)]
 
 
 def _check_codecs(array: zarr.Array) -> None:

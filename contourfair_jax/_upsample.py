@@ -1,0 +1,201 @@
+"""``contourfair upsample``: whole, or in tiles, so that only parts of the samples are in memory."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._console import Reporter
+from ._describe import describe_output
+from ._run import (
+    Settings,
+    check_axes,
+    check_fairable,
+    choose_method,
+    fair,
+    precision,
+    result_dtype,
+)
+from ._steps import load, warn_narrowing
+from .io import Grid, InputError, check_writable, write
+
+if TYPE_CHECKING:
+    from ._tile_job import Job
+    from ._tile_source import Source
+    from ._tile_state import Unfinished
+    from ._tile_store import Store
+
+# Samples of a ``.npy`` file from which on it is read and written in tiles.
+_LARGE = 2**24
+_PARTS = (".npy", ".zarr")
+
+
+def is_tiled(source: Path, target: Path, workers: int, resume: bool) -> bool:
+    """Whether to work in tiles: into Zarr folders, into ``.npy`` if large, or where it is asked.
+
+    Raises
+    ------
+    InputError
+        Several workers, or a run to be resumed, for a format that is written as a whole.
+    """
+    kind = target.suffix.lower()
+    if (workers != 1 or resume) and kind not in _PARTS:
+        raise InputError(f"{target}: --workers and --resume are for outputs in .zarr and .npy")
+    large = source.suffix.lower() in _PARTS and _size(source) > 4 * _LARGE
+    return kind == ".zarr" or (kind == ".npy" and (large or workers != 1 or resume))
+
+
+def _size(source: Path) -> int:
+    """Bytes of a file; of a folder, more than any limit."""
+    if source.is_dir():
+        return 2**62
+    return source.stat().st_size if source.exists() else 0
+
+
+def upsample_whole(
+    source: Path,
+    target: Path,
+    factor: int,
+    method: str,
+    settings: Settings,
+    key: str | None,
+    single: bool,
+    say: Reporter,
+) -> str:
+    """Read, refine and write; returns the line that describes the output.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, faired or written.
+    """
+    grid = load(source, key, target, say)
+    check_fairable(grid, factor)
+    dtype = result_dtype(grid, single)
+    check_writable(target, replace(grid, values=grid.values.astype(dtype)))
+    warn_narrowing(grid, single, say)
+    size = " x ".join(str(n) for n in grid.shape)
+    with precision(single), say.working(f"fairing {size} samples"):
+        field = fair(grid, method, settings)
+        finer = np.asarray(field.refine(factor))
+    result = grid.refined(finer.astype(dtype, copy=False), factor)
+    with say.working(f"writing {target}"):
+        notes = write(target, result)
+    for note in notes:
+        say.note(note)
+    return describe_output(target, result)
+
+
+def upsample_in_tiles(
+    source: Path,
+    target: Path,
+    factor: int,
+    method: str,
+    settings: Settings,
+    key: str | None,
+    single: bool,
+    workers: int,
+    resume: bool,
+    say: Reporter,
+) -> str:
+    """Refine in tiles; returns the line that describes the output.
+
+    Raises
+    ------
+    InputError
+        As `contourfair_jax.tiles.refine_to` and the readers.
+    """
+    from ._tile_job import run_job
+    from ._tile_program import overlap_of
+    from ._tile_run import Job
+    from ._tile_state import Unfinished
+    from ._tiling import Tiling
+
+    if workers < 1:
+        raise InputError(f"--workers must be 1 or more, got {workers}")
+    grid, opened = _opened(source, target, method, key, say)
+    check_axes(grid)
+    warn_narrowing(grid, single, say)
+    chosen = choose_method(grid, method, settings)
+    halo, cells = overlap_of(chosen, grid.ndim, factor)
+    tiling = Tiling(grid.shape, factor, cells, halo)
+    kind = np.dtype(np.float32 if single else np.float64)
+    finer = _outline(grid, factor, result_dtype(grid, single))
+    job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind)
+    state = Unfinished(target)
+    job = replace(job, store=_store(job, state, finer))
+    size = " x ".join(str(n) for n in grid.shape)
+    with say.counting(f"fairing {size}", "samples", math.prod(grid.shape)) as progress:
+        run_job(
+            job,
+            state,
+            workers,
+            resume,
+            progress=progress,
+            prepare=None if target.suffix.lower() == ".npy" else lambda path: _group(path, finer),
+        )
+    if target.suffix.lower() == ".npy" and grid.affine is not None:
+        say.note(".npy keeps the samples only: spacing and coordinates are left out")
+    return describe_output(target, finer)
+
+
+def _opened(
+    source: Path, target: Path, method: str, key: str | None, say: Reporter
+) -> tuple[Grid, Source]:
+    """The grid and where its samples are: on the disk where parts can be read from there."""
+    from ._tile_source import Held, ZarrMember, source_at
+
+    if source.suffix.lower() not in _PARTS or method == "tune":
+        grid = load(source, key, target, say)
+        return grid, Held(grid.values)
+    if source.exists() and target.exists() and source.samefile(target):
+        raise InputError(f"{target}: is the input; write to another file")
+    opened = source_at(source, key)
+    if isinstance(opened, ZarrMember):
+        grid = opened.outline()[0]
+    else:
+        values = opened.open()
+        grid = Grid(np.broadcast_to(np.zeros((), values.dtype), values.shape))
+    for note in grid.notes:
+        say.note(note)
+    return grid, opened
+
+
+def _outline(grid: Grid, factor: int, dtype: np.dtype) -> Grid:
+    """The refined grid without its samples; missing ones are NaN."""
+    from .io._geometry import refine_affine
+
+    shape = tuple(factor * (n - 1) + 1 for n in grid.shape)
+    return replace(
+        grid,
+        values=np.broadcast_to(np.zeros((), dtype), shape),
+        spacing=tuple(step / factor for step in grid.spacing),
+        affine=None if grid.affine is None else refine_affine(grid.affine, factor),
+        missing=None,
+        nodata=None,
+    )
+
+
+def _store(job: Job, state: Unfinished, finer: Grid) -> Store:
+    """Where the samples go; in a group they get the name that its outline gives them."""
+    from ._tile_store import ZarrStore, store_for
+    from .io._zarr import outline_of_group
+
+    store = store_for(state.target, state.data, job.tiling, finer.values.dtype)
+    if not isinstance(store, ZarrStore):
+        return store
+    _, name, names, attributes = outline_of_group(finer)
+    return replace(store, member=name, names=names, attributes=attributes)
+
+
+def _group(path: Path, finer: Grid) -> None:
+    """Coordinates and the reference system, in a group of their own."""
+    from .io._zarr import outline_of_group
+
+    rest, *_ = outline_of_group(finer)
+    rest.to_zarr(path, mode="w", zarr_format=3, consolidated=False)

@@ -69,7 +69,7 @@ def grid_cells(net: np.ndarray, levels: np.ndarray) -> Iterator[Cells]:
     step = max(1, _SCANNED // columns)
     for start in range(0, rows, step):
         part = net[3 * start : 3 * min(start + step, rows) + 1]
-        first, last = level_ranges(_extreme(part, np.minimum), _extreme(part, np.maximum), levels)
+        first, last = level_ranges(extreme(part, np.minimum), extreme(part, np.maximum), levels)
         i, j = np.nonzero(last > first)
         corners = np.stack([i + start, j])
         for begin in range(0, len(i), BATCH):
@@ -91,14 +91,16 @@ def _gather(net: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
 
 def cells_with_values(net: np.ndarray) -> np.ndarray:
     """Which cells of a control net have finite points only."""
-    return np.isfinite(_extreme(net, np.minimum)) & np.isfinite(_extreme(net, np.maximum))
+    return np.isfinite(extreme(net, np.minimum)) & np.isfinite(extreme(net, np.maximum))
 
 
-def _extreme(net: np.ndarray, reduce: np.ufunc) -> np.ndarray:
-    """The 4 x 4 points of every cell reduced to one number; NaN spreads."""
-    rows = reduce(reduce(net[:-1:3], net[1::3]), reduce(net[2::3], net[3::3]))
-    rows = rows.T
-    return reduce(reduce(rows[:-1:3], rows[1::3]), reduce(rows[2::3], rows[3::3])).T
+def extreme(net: np.ndarray, reduce: np.ufunc) -> np.ndarray:
+    """The Bezier points of every cell reduced to one number, any dimension; NaN spreads."""
+    for axis in range(net.ndim):
+        p = np.moveaxis(net, axis, 0)
+        joined = reduce(reduce(p[:-1:3], p[1::3]), reduce(p[2::3], p[3::3]))
+        net = np.moveaxis(joined, 0, axis)
+    return net
 
 
 def halves(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ def components(samples: np.ndarray, level: float) -> np.ndarray:
     other = above[:-1, 1:] & above[1:, :-1] & saddle
     pairs.append(_pairs(label[:-1, :-1], label[1:, 1:], one & ~other))
     pairs.append(_pairs(label[:-1, 1:], label[1:, :-1], other & ~one))
-    root = _connect(samples.size, np.concatenate(pairs, axis=1)).reshape(samples.shape)
+    root = connect(samples.size, np.concatenate(pairs, axis=1)).reshape(samples.shape)
     numbered = np.full(samples.shape, -1)
     numbered[above] = np.unique(root[above], return_inverse=True)[1]
     return numbered
@@ -32,7 +32,7 @@ def _pairs(one: np.ndarray, other: np.ndarray, joined: np.ndarray) -> np.ndarray
     return np.stack([one[joined], other[joined]])
 
 
-def _connect(n: int, pairs: np.ndarray) -> np.ndarray:
+def connect(n: int, pairs: np.ndarray) -> np.ndarray:
     """Least member of the part of each of `n` nodes: hook larger roots to smaller, halve paths."""
     root = np.arange(n)
     one, other = pairs

@@ -13,6 +13,7 @@ from ._method import FitReport
 
 if TYPE_CHECKING:
     from .contours import Band, Contours, Levels
+    from .isosurface import Isosurface
 
 OUTSIDE = ("nan", "clamp", "extend")
 
@@ -188,6 +189,12 @@ class BezierField(eqx.Module):
         from .contours import filled
 
         return filled(self, levels, tolerance)
+
+    def isosurface(self, level: float, tolerance: float = 0.01) -> "Isosurface":
+        """The surface of a 3-D field at a level; see `contourfair_jax.isosurface.isosurface`."""
+        from .isosurface import isosurface
+
+        return isosurface(self, level, tolerance)
 
     def to_bspline(self) -> tuple[tuple[Float[Array, " knots"], ...], Float[Array, "*twice"]]:
         """The same field as a cubic B-spline with double knots.

@@ -21,7 +21,7 @@ def trace(net: np.ndarray, levels: np.ndarray, tolerance: float, codes: Codes) -
     """The arcs of sorted levels in a control net, and how many pieces were not proved."""
     found: list[Arcs] = []
     unproved = 0
-    rounding = 4 * _rounding(net)
+    rounding = 4 * rounding_of(net)
     for cells in grid_cells(net, levels):
         for group in leaves(cells, levels, tolerance, rounding):
             unproved += int(np.count_nonzero(~group.proved))
@@ -31,15 +31,15 @@ def trace(net: np.ndarray, levels: np.ndarray, tolerance: float, codes: Codes) -
 
 def raised(net: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """The levels that are traced, above plateaus at the levels that were asked for."""
-    samples = net[::3, ::3]
+    samples = net[(slice(None, None, 3),) * net.ndim]
     samples = samples[np.isfinite(samples)]
     spread = float(np.ptp(samples)) if samples.size else 0.0
-    return levels + (5e-10 * spread + 16 * _rounding(net))
+    return levels + (5e-10 * spread + 16 * rounding_of(net))
 
 
-def _rounding(net: np.ndarray) -> float:
+def rounding_of(net: np.ndarray) -> float:
     """Rounding of the largest sample in the precision that the net was computed in."""
-    samples = np.abs(net[::3, ::3])
+    samples = np.abs(net[(slice(None, None, 3),) * net.ndim])
     largest = samples.max(initial=0.0, where=np.isfinite(samples))
     return float(np.finfo(net.dtype).eps) * float(largest)
 

@@ -15,6 +15,8 @@ from ._field import BezierField
 from ._lengths import LevelMetrics as LevelMetrics
 from ._lengths import level_metrics as level_metrics
 from ._lengths import signed_area as signed_area
+from ._surface_metrics import SurfaceMetrics as SurfaceMetrics
+from ._surface_metrics import surface_metrics as surface_metrics
 from ._tracing import host_arrays
 from .io import ContourLine
 

@@ -232,7 +232,8 @@ class GlobalFairing(AbstractFairing):
             symmetric=True,
             has_aux=True,
         )
-        return Solution(start + value, *info, size)
+        steps, residual = info
+        return Solution(start + value, steps, residual, size)
 
     def prepare(self, values):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)

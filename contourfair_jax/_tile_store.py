@@ -114,7 +114,7 @@ class ZarrWriter:
         import zarr
 
         self._array = zarr.open_array(
-            str(store.path), path=store.member, mode="r+", config={"write_empty_chunks": True}
+            str(store.path), path=store.member or "", mode="r+", config={"write_empty_chunks": True}
         )
 
     def write(self, region: Slices, values: np.ndarray) -> None:

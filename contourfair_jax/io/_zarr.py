@@ -82,7 +82,7 @@ def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict
     }
     if "grid_mapping" in variable.encoding:
         attributes["grid_mapping"] = variable.encoding["grid_mapping"]
-    return data.drop_vars(name), str(name), tuple(map(str, variable.dims)), attributes
+    return data.drop_vars([name]), str(name), tuple(map(str, variable.dims)), attributes
 
 
 def _read_group(path: Path, key: str | None) -> Grid:

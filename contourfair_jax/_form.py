@@ -3,9 +3,11 @@ r"""Quadratic forms of a field that are sums over cells, given a few weights per
     E(u) = 1/2 sum_v sum_g w_g(v) u(v)^T K_g u(v)
 
 with the 4^d degrees of freedom u(v) of cell v and constant matrices K_g.  For the energy the groups
-g are the entries a <= b of the tensor M and, last, tension; for structure tensors the entries of J.
+g are the entries a <= b of the tensor M, for structure tensors those of J.
 Cells are worked on in chunks that stay in the cache, each with one product of matrices.
 """
+
+import itertools
 
 import equinox as eqx
 import jax
@@ -155,18 +157,28 @@ def _invert(
     return jnp.where(both, jax.lax.fori_loop(0, n, pivot, work)[:, n:], 0)  # pyright: ignore
 
 
-def energy_form(spacing: Float[Array, " ndim"], shape: tuple[int, ...]) -> CellForm:
-    """`sum_c <f_ac, f_bc>` for a <= b and `sum_a <f_a, f_a>` (tension), physical derivatives."""
+def energy_form(
+    spacing: Float[Array, " ndim"],
+    shape: tuple[int, ...],
+    tension: Float[Array, ""] | float = 0.0,
+    smoothness: Float[Array, ""] | float = 0.0,
+) -> CellForm:
+    """Products of derivatives along a <= b, in physical units.
+
+    `sum_c <f_ac, f_bc> + tension <f_a, f_b> + smoothness sum_ce <f_ace, f_bce>`.
+    """
     ndim = len(shape)
+    one = jnp.asarray(1.0, spacing.dtype)
+    orders = ((0, tension), (1, one), (2, smoothness))
     matrices = []
     for a, b in derivatives(2, ndim):
         matrix = sum(
-            _scaled(gram(_orders((a, c), ndim), _orders((b, c), ndim)), spacing, (a, b, c, c))
-            for c in range(ndim)
+            weight * _scaled(gram(_orders((a, *c), ndim), _orders((b, *c), ndim)), spacing, axes)
+            for order, weight in orders
+            for c in itertools.product(range(ndim), repeat=order)
+            for axes in [(a, b, *c, *c)]
         )
         matrices.append(matrix if a == b else matrix + matrix.T)  # pyright: ignore
-    slopes = [gram(_orders((a,), ndim), _orders((a,), ndim)) for a in range(ndim)]
-    matrices.append(sum(_scaled(slope, spacing, (a, a)) for a, slope in enumerate(slopes)))
     return CellForm(jnp.stack(matrices), shape)
 
 

@@ -33,13 +33,6 @@ def corner_shifts(shape: tuple[int, ...]) -> list[int]:
     ]
 
 
-def cell_mask(shape: tuple[int, ...]) -> np.ndarray:
-    """Which vertices number a cell, shape (vertices,)."""
-    index = np.indices(shape)
-    upper = np.array(shape).reshape((-1,) + (1,) * len(shape)) - 1
-    return (index < upper).all(axis=0).ravel()
-
-
 def cells_to_row(cells: Float[Array, "*cells"]) -> Float[Array, " vertices"]:
     """Numbers of cells in one row of vertices; zero where there is no cell."""
     return jnp.pad(cells, [(0, 1)] * cells.ndim).ravel()

@@ -13,20 +13,26 @@ from jaxtyping import Array, Float
 from . import _check
 from ._global import GlobalFairing
 
-# Settings that are tried: thin plate weight, sharpness, tension.  Thin plate (weight 1) with more
-# and more tension goes from smooth terrain to noise; small weights are for edges and ridges.
+# Settings that are tried: thin plate weight, sharpness, tension, smoothness.  Thin plate (weight 1)
+# with more and more tension goes from smooth terrain to noise; small weights are for ridges, with
+# tension along them for jagged edges.
 CANDIDATES = (
-    (1.0, 1, 0.0),
-    (1.0, 1, 4.0),
-    (1.0, 1, 12.0),
-    (1.0, 1, 40.0),
-    (1.0, 1, 120.0),
-    (0.05, 1, 0.0),
-    (0.05, 1, 2.0),
-    (0.05, 1, 8.0),
-    (0.01, 2, 0.0),
-    (0.01, 2, 2.0),
-    (0.003, 2, 0.0),
+    (1.0, 1, 0.0, 0.0),
+    (1.0, 1, 0.0, 0.04),
+    (1.0, 1, 4.0, 0.0),
+    (1.0, 1, 20.0, 0.0),
+    (1.0, 1, 80.0, 0.0),
+    (1.0, 1, 300.0, 0.0),
+    (0.05, 1, 0.0, 0.0),
+    (0.05, 1, 4.0, 0.0),
+    (0.05, 1, 20.0, 0.0),
+    (0.05, 1, 80.0, 0.0),
+    (0.01, 2, 0.0, 0.0),
+    (0.01, 2, 4.0, 0.0),
+    (0.01, 2, 20.0, 0.0),
+    (0.01, 2, 80.0, 0.0),
+    (0.01, 2, 300.0, 0.0),
+    (0.003, 2, 0.0, 0.0),
 )
 COHERENCE = 1.2
 
@@ -85,18 +91,19 @@ def tune(
     if int(jnp.sum(~jnp.isnan(values))) < 8:
         raise ValueError("values must hold at least 8 samples that are not NaN to be tuned on")
     errors = np.empty(len(CANDIDATES))
-    kinds = [(sharpness, _iterations(weight)) for weight, sharpness, _ in CANDIDATES]
+    kinds = [(sharpness, _iterations(weight)) for weight, sharpness, *_ in CANDIDATES]
     for kind in sorted(set(kinds)):
         rows = [k for k, other in enumerate(kinds) if other == kind]
-        weights, _, tensions = jnp.asarray([CANDIDATES[k] for k in rows], values.dtype).T
-        errors[rows] = _errors(values, spacing, weights, tensions, kind)
-    weight, sharpness, tension = CANDIDATES[int(np.argmin(errors))]
+        settings = jnp.asarray([CANDIDATES[k] for k in rows], values.dtype)
+        errors[rows] = _errors(values, spacing, settings, kind)
+    weight, sharpness, tension, smoothness = CANDIDATES[int(np.argmin(errors))]
     default = GlobalFairing()
     return GlobalFairing(
         thin_plate_weight=weight,
         iterations=min(_iterations(weight), 1) * default.iterations,
         sharpness=sharpness,
         tension=tension,
+        smoothness=smoothness,
         coherence=COHERENCE,
         sigma=sigma,  # pyright: ignore
     )
@@ -135,15 +142,19 @@ def cross_validation_error(
 
 @partial(jax.jit, static_argnames="kind")
 def _errors(
-    values: Array, spacing: Array, weights: Array, tensions: Array, kind: tuple[int, int]
+    values: Array,
+    spacing: Array,
+    settings: Float[Array, "candidates four"],
+    kind: tuple[int, int],
 ) -> Float[Array, " candidates"]:
     """Cross-validation errors of many settings, one after the other in one program."""
     sharpness, iterations = kind
 
-    def error(setting: tuple[Array, Array]) -> Array:
+    def error(setting: Array) -> Array:
         method = GlobalFairing(
             thin_plate_weight=setting[0],
-            tension=setting[1],
+            tension=setting[2],
+            smoothness=setting[3],
             coherence=COHERENCE,
             sharpness=sharpness,
             iterations=iterations,
@@ -152,4 +163,4 @@ def _errors(
         )
         return cross_validation_error(method, values, spacing)
 
-    return jax.lax.map(error, (weights, tensions))
+    return jax.lax.map(error, settings)

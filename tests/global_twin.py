@@ -7,7 +7,7 @@ Everything is float64.
 Unknowns are the value and all mixed first derivatives, per cell, at every vertex.  The field
 minimises, over what the samples leave free,
 
-    sum over cells and points of weight (tr(H M H) + tension |g|^2)
+    sum over cells and points of weight (tr(H M H) + tension g^T M g + smoothness tr(D^3 M D^3))
     + stiffness sum over samples of ((f - a) / sigma)^2
 
 with ``M = I - (1 - w) N`` constant in a cell, spacing relative to the smallest and values scaled
@@ -42,6 +42,7 @@ class Settings(NamedTuple):
     coherence: float = 1.2
     sharpness: int = 1
     tension: float = 0.0
+    smoothness: float = 0.0
     sigma: object = None
     cell_weights: object = None
 
@@ -84,6 +85,7 @@ class Point(NamedTuple):
     weight: float
     gradients: np.ndarray  # (4^d, d)
     hessians: np.ndarray  # (4^d, d, d)
+    thirds: np.ndarray  # (4^d, d * d, d)
 
 
 @functools.cache
@@ -100,11 +102,17 @@ def gauss_points(spacing):
             [derivative(t, [(a == k) + (b == k) for k in axes], spacing) for b in axes]
             for a in axes
         ]
+        thirds = [
+            [derivative(t, [(a, b, c).count(k) for k in axes], spacing) for c in axes]
+            for a in axes
+            for b in axes
+        ]
         points.append(
             Point(
                 math.prod(weight for _, weight in point),
                 np.moveaxis(np.array(gradients), -1, 0),
                 np.moveaxis(np.array(hessians), -1, 0),
+                np.moveaxis(np.array(thirds), -1, 0),
             )
         )
     return points
@@ -182,7 +190,10 @@ def energy_matrix(normals, weight, shape, spacing, settings):
         for point in gauss_points(spacing):
             left = (point.hessians @ m).reshape(4**ndim, -1)
             local += point.weight * left @ point.hessians.reshape(4**ndim, -1).T
-            local += point.weight * settings.tension * point.gradients @ point.gradients.T
+            local += point.weight * settings.tension * (point.gradients @ m) @ point.gradients.T
+            left = (point.thirds @ m).reshape(4**ndim, -1)
+            right = point.thirds.reshape(4**ndim, -1)
+            local += point.weight * settings.smoothness * left @ right.T
         if settings.cell_weights is not None:
             local *= settings.cell_weights[cell]
         numbers = unknowns_of(cell, shape)

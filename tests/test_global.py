@@ -25,7 +25,7 @@ FIELDS = ("ridge", "sharp_step", "smooth_random", "noise", "constant")
 SETTINGS = {
     "plain": {},
     "tension": {"tension": 3.0},
-    "others": {"thin_plate_weight": 0.3, "coherence": 0.6, "tension": 0.5},
+    "others": {"thin_plate_weight": 0.3, "coherence": 0.6, "tension": 0.5, "smoothness": 0.1},
 }
 
 
@@ -419,6 +419,7 @@ def test_limiter(grid):
         ("sharpness", 1.5),
         ("iterations", -1),
         ("tension", -1.0),
+        ("smoothness", -1.0),
         ("tension", np.inf),
         ("sigma", 0.0),
         ("sigma", -1.0),

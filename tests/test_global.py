@@ -536,13 +536,13 @@ def test_batches():
 def test_the_form_is_symmetric_and_positive(shape, rng):
     """`apply` and `apply_in_place` are one symmetric matrix, without negative eigenvalues."""
     ndim = len(shape)
-    form = energy_form(jnp.array([1.0, 1.5, 0.7][:ndim]), shape)
+    form = energy_form(jnp.array([1.0, 1.5, 0.7][:ndim]), shape, 0.5, 0.1)
     vectors = rng.normal(size=(2, ndim))
     axes = [(a, b) for a in range(ndim) for b in range(a, ndim)]
     normals = vectors[0] / np.linalg.norm(vectors[0])
     tensor = [float(a == b) - 0.9 * normals[a] * normals[b] for a, b in axes]
     cells = np.pad(rng.uniform(0.5, 2, [n - 1 for n in shape]), [(0, 1)] * ndim).ravel()
-    weights = jnp.asarray(np.multiply.outer([*tensor, 0.5], cells))
+    weights = jnp.asarray(np.multiply.outer(tensor, cells))
     size = 2**ndim * int(np.prod(shape))
     unit = jnp.eye(size).reshape(size, 2**ndim, -1)
     columns = jax.jit(jax.vmap(lambda x: form.apply(weights, x)))(unit)

@@ -23,9 +23,11 @@ from benchmarks import (
     memory,
     protocols,
     real,
+    reliability,
     report,
     robustness,
     table2,
+    tiles,
 )
 from benchmarks.report import Result, Track
 
@@ -37,7 +39,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 class Benchmark:
     """One command: how to run it, how to print it, and its precision."""
 
-    run: Callable[[Track], Result]
+    run: Callable[..., Result]
     tables: Callable[[Result], dict[str, str]]
     x64: bool
     about: str
@@ -58,6 +60,10 @@ BENCHMARKS = {
     "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2."),
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
     "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),
+    "tiles": Benchmark(tiles.run, tiles.tables, False, "Larger than memory; --size."),
+    "reliability": Benchmark(
+        reliability.run, reliability.tables, True, "Kills and damaged files survived (minutes)."
+    ),
 }
 
 
@@ -71,22 +77,39 @@ def _tracker(quiet: bool) -> Iterator[Track]:
         yield track
 
 
+def _run_one(name: str, quiet: bool, **options: Any) -> None:
+    benchmark = BENCHMARKS[name]
+    engine.use_x64(benchmark.x64)
+    with _tracker(quiet) as track:
+        path = report.save(name, benchmark.run(track, **options))
+    if not quiet:
+        stored = report.load(name) or {}
+        for title, table in benchmark.tables(stored).items():
+            Console().print(Markdown(f"**{title}**\n\n{table}"))
+        typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
+
+
 def _command(name: str, benchmark: Benchmark) -> None:
     def command(quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False) -> None:
-        engine.use_x64(benchmark.x64)
-        with _tracker(quiet) as track:
-            path = report.save(name, benchmark.run(track))
-        if not quiet:
-            stored = report.load(name) or {}
-            for title, table in benchmark.tables(stored).items():
-                Console().print(Markdown(f"**{title}**\n\n{table}"))
-            typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
+        _run_one(name, quiet)
 
     app.command(name, help=benchmark.about)(command)
 
 
 for _name, _benchmark in BENCHMARKS.items():
-    _command(_name, _benchmark)
+    if _name != "tiles":
+        _command(_name, _benchmark)
+
+
+@app.command("tiles", help=BENCHMARKS["tiles"].about)
+def run_tiles(
+    size: Annotated[int, typer.Option(help="Samples along each of two axes.")] = 2048,
+    workers: Annotated[int, typer.Option(help="Processes.")] = 2,
+    method: Annotated[str, typer.Option(help="local or global.")] = "local",
+    quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False,
+) -> None:
+    """Refine a large grid in tiles."""
+    _run_one("tiles", quiet, size=size, workers=workers, method=method)
 
 
 @app.command("all")

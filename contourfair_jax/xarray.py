@@ -21,6 +21,7 @@ import jax.numpy as jnp
 
 from . import BezierField, fair_field
 from ._labelled import Axis, axes_of, refined_coordinates, untouched_coordinates
+from ._local import LocalFairing
 from ._method import AbstractFairing
 from .contours import Contours, Levels, contours
 from .io import exact_float
@@ -71,14 +72,17 @@ class FairAccessor:
         An axis of n samples gets ``factor * (n - 1) + 1``, a periodic one ``factor * n``.  Other
         coordinates of real numbers along the axes are refined linearly, the rest is left out.
 
+        An array in dask chunks stays one, computed when it is asked for, in tiles of its own as by
+        `contourfair_jax.tiles`: the chunks do not change the result.  Its chunks are refined too.
+
         Raises
         ------
         ValueError
-            For a factor below 1, coordinates that are not even, or an array in dask chunks.
+            For a factor below 1, or coordinates that are not even.
         """
         if factor < 1:
             raise ValueError(f"factor must be 1 or more, got {factor}")
-        array, axes = self._prepared(dims, periodic)
+        array, axes = self._prepared(dims, periodic, lazily=True)
 
         def refine(field: BezierField) -> np.ndarray:
             values = np.asarray(field.refine(factor))
@@ -86,7 +90,10 @@ class FairAccessor:
                 values = axis.turned(values, k, factor)
             return values
 
-        values = _of_each(array, axes, method, refine)
+        if array.chunks is None:
+            values = _of_each(array, axes, method, refine)
+        else:
+            values = _refined_lazily(array, axes, method, factor)
         finer = xr.DataArray(values, dims=array.dims, name=array.name, attrs=array.attrs)
         finer = finer.assign_coords(refined_coordinates(array, axes, factor))
         return finer.transpose(*self._array.dims)
@@ -171,11 +178,14 @@ class FairAccessor:
         return replace(found, lines=lines)
 
     def _prepared(
-        self, dims: Sequence[Hashable] | None, periodic: Hashable | Iterable[Hashable]
+        self,
+        dims: Sequence[Hashable] | None,
+        periodic: Hashable | Iterable[Hashable],
+        lazily: bool = False,
     ) -> tuple[xr.DataArray, tuple[Axis, ...]]:
         """The array with the faired dimensions last, and their axes."""
         array = self._array
-        if array.chunks is not None:
+        if array.chunks is not None and not lazily:
             raise ValueError("the array is in dask chunks; call .compute() on it first")
         if array.dtype.kind not in "biuf":
             raise ValueError(f"the array holds {array.dtype}; real numbers are needed")
@@ -197,6 +207,33 @@ def _of_each(
     members = values.reshape(-1, *values.shape[len(batch) :])
     made = [_with_field(member, axes, method, use) for member in members]
     return np.stack(made).reshape((*batch, *made[0].shape))
+
+
+def _refined_lazily(
+    array: xr.DataArray, axes: tuple[Axis, ...], method: AbstractFairing | None, factor: int
+) -> Any:
+    """The refined samples as a dask array, in the directions of the coordinates."""
+    from ._lazy import each_member, refine_lazily, refined_chunks
+
+    samples, leading = array.data, array.ndim - len(axes)
+    steps = [abs(axis.step) for axis in axes]
+    method = LocalFairing() if method is None else method
+
+    def refine(member: Any) -> Any:
+        for k, axis in enumerate(axes):
+            member = axis.upward(member, k)
+        fine = refine_lazily(member, factor, method, steps, exact_float(array.dtype))
+        for k, axis in enumerate(axes):
+            if axis.periodic:
+                first, last = factor * axis.margin, factor * (axis.margin + len(axis.coordinate))
+                fine = fine[(slice(None),) * k + (slice(first, last + 1),)]
+            fine = axis.turned(fine, k, factor)
+        return fine
+
+    fine = each_member(samples, len(axes), refine)
+    along = zip(samples.chunks[leading:], axes, strict=True)
+    chunks = [refined_chunks(sizes, factor, axis.periodic) for sizes, axis in along]
+    return fine.rechunk((*samples.chunks[:leading], *chunks))
 
 
 def _with_field(

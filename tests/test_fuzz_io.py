@@ -231,9 +231,10 @@ def test_some_damaged_files_of_every_format_end_in_one_line(tmp_path, monkeypatc
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [*ROWS, *KINDS])
-def test_damaged_files_end_in_one_line(tmp_path, monkeypatch, capsys, kind):
+def test_damaged_files_end_in_one_line(tmp_path, monkeypatch, capsys, kind, record_property):
     monkeypatch.setattr(_isolate, "_PATIENCE", SECONDS)
     row, _, paths = prepare(kind, tmp_path / "files", 250)
     fatal = check(kind, row, paths, batch([(row, path) for path in paths]))
     check_command([*fatal[:5], *paths[:3]], fatal, capsys)
-    print(f"{kind}: {len(paths)} files, {len(fatal)} fatal to the child")
+    record_property("files", len(paths))
+    record_property("fatal to the child", len(fatal))

@@ -4,12 +4,14 @@ import doctest
 import subprocess
 import sys
 
+import dask.array
 import numpy as np
 import pytest
 import xarray as xr
 
 import contourfair_jax as cf
 import contourfair_jax.xarray
+from contourfair_jax import _tile_program
 from contourfair_jax.io import read, write
 
 UP, DOWN = np.linspace(40.0, 60.0, 6), np.linspace(60.0, 40.0, 6)
@@ -233,11 +235,35 @@ def test_interp_names_what_it_does_not_know():
         field().fair.interp(lat=np.ones((2, 2)))
 
 
-def test_dask_chunks_are_refused(monkeypatch):
-    array = field()
-    monkeypatch.setattr(xr.DataArray, "chunks", property(lambda self: ((6,), (9,))))
+def test_dask_chunks_are_kept_and_change_nothing(monkeypatch):
+    overlap = _tile_program.Overlap(1, {2: 8, 3: 4})
+    monkeypatch.setitem(_tile_program._OVERLAPS, cf.LocalFairing, overlap)
+    method = cf.LocalFairing(iterations=0)
+    lon = np.arange(24) * 15.0
+    array = field(lat=np.linspace(60.0, 40.0, 21), lon=lon)
+    array = xr.concat([array, -array], "time").transpose("lat", "time", "lon")
+    for periodic in ((), "lon"):
+        whole = array.fair.upsample(2, method=method, periodic=periodic)
+        found = []
+        for lat, last in ((21, 24), (5, 7)):
+            chunked = array.chunk(lat=lat, lon=last, time=1)
+            fine = chunked.fair.upsample(2, method=method, periodic=periodic)
+            assert isinstance(fine.data, dask.array.Array)
+            chunks = dict(fine.chunksizes)
+            assert chunks["time"] == (1, 1)
+            assert chunks["lat"] == ((41,) if lat == 21 else (10, 10, 10, 10, 1))
+            assert chunks["lon"][0] == min(2 * last, fine.sizes["lon"])
+            computed = fine.compute(scheduler="synchronous")
+            xr.testing.assert_allclose(computed, whole, rtol=1e-10, atol=1e-12)
+            np.testing.assert_array_equal(computed[::2, :, ::2], array)
+            found.append(computed)
+        xr.testing.assert_identical(*found)
+
+
+def test_dask_chunks_are_refused_where_points_are_wanted():
+    pytest.importorskip("dask")
     with pytest.raises(ValueError, match=r"in dask chunks; call \.compute\(\) on it first"):
-        array.fair.upsample(2)
+        field().chunk(lat=2).fair.interp(lat=50.0)
 
 
 def test_without_xarray_the_extra_is_named():

@@ -1,0 +1,43 @@
+"""What runs survive: killed processes and damaged files, counted by the tests that make them."""
+
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as tree
+from pathlib import Path
+
+from benchmarks import report
+from benchmarks.report import Result, Track
+
+X64 = True
+TESTS = Path(__file__).resolve().parents[1] / "tests"
+PARTS = {
+    "kills": ("test_tiles.py", "test_kills_lose_nothing"),
+    "files": ("test_fuzz_io.py", "test_damaged_files_end_in_one_line"),
+}
+
+
+def run(track: Track = report.silent) -> Result:
+    """Run those tests and collect what they count; a test that fails raises."""
+    rows = []
+    for what, (file, name) in track(list(PARTS.items()), "reliability"):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "report.xml"
+            command = [sys.executable, "-m", "pytest", "-q", "-m", "slow", "-k", name]
+            subprocess.run(
+                [*command, f"--junitxml={path}", str(TESTS / file)],
+                check=True,
+                stdout=subprocess.DEVNULL,
+            )
+            for case in tree.parse(path).iter("testcase"):
+                of = case.attrib["name"].removeprefix(name).strip("[]")
+                found = {p.attrib["name"]: p.attrib["value"] for p in case.iter("property")}
+                if what in found:
+                    rows.append({"what": what, "of": of, "count": int(found[what])})
+    return {"rows": rows}
+
+
+def tables(result: Result) -> dict[str, str]:
+    """Counts of what was done to runs and files; all passed, or there were no table."""
+    rows = [[f"{r['of']}: {r['what']}", r["count"]] for r in result["rows"]]
+    return {"reliability": report.table(["survived", "count"], rows)}

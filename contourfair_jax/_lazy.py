@@ -1,0 +1,78 @@
+"""Refinement of dask arrays: one task for each tile; chunks are those of the input, refined."""
+
+import itertools
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ._method import AbstractFairing
+from ._tile_program import Program, overlap_of
+from ._tile_source import read_block
+from ._tiling import Tiling
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What all tiles of an array share; every process compiles its program once."""
+
+    token: str
+    tiling: Tiling
+    method: AbstractFairing
+    spacing: tuple[float, ...]
+    dtype: np.dtype
+
+
+_PROGRAMS: dict[str, Program] = {}
+
+
+def _refine(task: _Task, number: int, block: np.ndarray) -> np.ndarray:
+    if task.token not in _PROGRAMS:
+        _PROGRAMS.clear()
+        _PROGRAMS[task.token] = Program(task.method, task.spacing, task.dtype)
+    tile = task.tiling.tile(number)
+    samples = read_block(block, (slice(None),) * block.ndim, task.dtype)
+    tiling = task.tiling
+    fine, _ = _PROGRAMS[task.token](samples, tile.offset, tiling.window, tiling.factor)
+    return fine[tile.cut]
+
+
+def refine_lazily(
+    samples: Any,
+    factor: int,
+    method: AbstractFairing,
+    spacing: Sequence[float],
+    dtype: np.dtype,
+) -> Any:
+    """The refined samples of a dask array, in chunks of one tile each; nothing is computed yet."""
+    import dask
+    import dask.array as da
+
+    halo, cells = overlap_of(method, samples.ndim, factor)
+    tiling = Tiling(samples.shape, factor, cells, halo)
+    task = _Task(uuid.uuid4().hex, tiling, method, tuple(spacing), dtype)
+    parts = np.empty(tiling.counts, dtype=object)
+    for tile in tiling:
+        refine = dask.delayed(partial(_refine, task, tile.number), traverse=False)
+        shape = tuple(part.stop - part.start for part in tile.region)
+        part = da.from_delayed(refine(samples[tile.block]), shape, dtype)
+        parts[np.unravel_index(tile.number, tiling.counts)] = part
+    return da.block(parts.tolist())
+
+
+def refined_chunks(chunks: Sequence[int], factor: int, periodic: bool) -> tuple[int, ...]:
+    """Chunks along a refined axis: those of the samples, the last of which ends the axis."""
+    *first, last = chunks
+    return (*(factor * n for n in first), factor * last if periodic else factor * (last - 1) + 1)
+
+
+def each_member(samples: Any, ndim: int, refine: Any) -> Any:
+    """`refine` applied to every member of the batch that the leading axes are."""
+    import dask.array as da
+
+    batch = samples.shape[: samples.ndim - ndim]
+    made = [refine(samples[index]) for index in itertools.product(*map(range, batch))]
+    return da.stack(made).reshape(*batch, *made[0].shape) if batch else made[0]

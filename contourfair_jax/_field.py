@@ -229,10 +229,13 @@ class BezierField(eqx.Module):
         )
         grid = (points - origin) / spacing
         inside = jnp.all((grid >= 0) & (grid <= cells), axis=-1, keepdims=True)
+        # A NaN within would spoil derivatives of results that do not depend on it.
+        nowhere = jnp.any(jnp.isnan(grid), axis=-1, keepdims=True)
+        grid = jnp.where(nowhere, 0, grid)
         if outside == "clamp":
             grid = jnp.clip(grid, 0, cells)
         cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
-        fours = gather_cells(self.control_points, jnp.nan_to_num(cell).astype(jnp.int32))
+        fours = gather_cells(self.control_points, cell.astype(jnp.int32))
         local = jet
         for _ in range(points.ndim - 1):
             local = jax.vmap(local, in_axes=(0, 0, None))
@@ -240,7 +243,7 @@ class BezierField(eqx.Module):
         scaled = []
         for n, values in enumerate(results):
             values = values * _inverse_lengths(self.spacing, n, values.shape)
-            hidden = ~inside if outside == "nan" else jnp.zeros_like(inside)
+            hidden = ~inside if outside == "nan" else nowhere
             scaled.append(jnp.where(hidden, jnp.nan, values))
         return scaled
 

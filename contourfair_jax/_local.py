@@ -120,6 +120,9 @@ class LocalFairing(AbstractFairing):
     ) -> Float[Array, "points batch"]:
         """Fair a batch of neighbourhoods, scaled to spread 1 about their centre."""
         ndim = energy.ndim
+        # A NaN in the systems would spoil derivatives of results that do not depend on it.
+        missing = jnp.any(jnp.isnan(samples), axis=0, keepdims=True)
+        samples = jnp.where(missing, 0, samples)
         centre = jax.lax.stop_gradient(samples[samples.shape[0] // 2])
         spread = jax.lax.stop_gradient(jnp.max(samples, axis=0) - jnp.min(samples, axis=0))
         spread = jnp.where(spread == 0, 1, spread)
@@ -137,7 +140,7 @@ class LocalFairing(AbstractFairing):
         fairing, _ = jax.lax.scan(improve, thin_plate @ given, length=self.iterations)
         to_bezier = jnp.asarray(parity_to_bezier(ndim), samples.dtype)
         points = to_bezier @ jnp.concatenate([given, fairing])
-        return points * spread[None] + centre[None]
+        return jnp.where(missing, jnp.nan, points * spread[None] + centre[None])
 
 
 def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]:

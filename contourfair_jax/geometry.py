@@ -1,0 +1,312 @@
+r"""Differentiable geometry of contours and isosurfaces: length, area, volume, bending.
+
+Lines and meshes are found on the host, and which points there are cannot be differentiated.  Where
+they lie can: a point x(t) of the level set f(x; t) = level obeys the implicit function theorem,
+
+    dx = (d level - df(x)) g / |g|^2    along the gradient g,
+
+with df(x) the change of the field at a place that is held.  `level_points` gives the points this
+derivative, in forward and reverse mode and to any order, and the measures are sums over them.  They
+compose with `fair_field`: to the samples, the spacing, the origin and the settings.
+
+Derivatives of area and volume are those of the continuous measures to the accuracy of the polygons,
+such as `d area / d level = - integral of ds / |g|`.  Where the gradient vanishes the level set has
+no derivative; zero is put there.  Bending has Hessians in it, which jump between cells: it is
+continuous almost everywhere only, and its derivative leaves the jumps out.
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from . import _check
+from ._field import BezierField
+from .io import ContourLine
+
+# Longest step of a projection, in cells: points stay near where they were found.
+LONGEST_STEP = 0.5
+
+
+def level_points(
+    field: BezierField, points: ArrayLike, level: ArrayLike, steps: int = 2
+) -> Float[Array, "*batch ndim"]:
+    """Points of a level set as differentiable functions of the field and the level.
+
+    Parameters
+    ----------
+    field : BezierField
+        May be traced, as inside `jax.grad`.
+    points : array, shape (..., ndim)
+        Points on or near the level set: vertices of `field.contours(level)` or of an isosurface,
+        of this field or of one that differs little.
+    level : float or array that broadcasts to (...)
+    steps : int
+        Newton steps along the gradient from the points given to the level set; 0 takes them as
+        they are.
+
+    Returns
+    -------
+    array, shape (..., ndim)
+        On the level set.  Changes of the field and the level move them along the gradient; changes
+        of the points given move them along the level set.  A point that is NaN stays NaN.
+
+    Raises
+    ------
+    ValueError
+        For points whose last axis is not `ndim` long, or steps below 0.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp
+    >>> import contourfair_jax as cf
+    >>> from contourfair_jax.geometry import level_points
+    >>> x = jnp.arange(5.0)
+    >>> def place(slope):
+    ...     field = cf.fair_field(slope * x[:, None] + 0 * x[None, :])
+    ...     return level_points(field, jnp.array([1.0, 2.0]), 2.0)[0]
+    >>> round(float(jax.grad(place)(2.0)), 4)  # the contour of 2 lies at x = 2 / slope
+    -0.5
+    """
+    _check.check_count(steps, 0, "steps")
+    # Without its report the field is a pytree of numbers.
+    field = BezierField(field.control_points, field.spacing, field.origin)
+    points = jnp.asarray(points, field.dtype)
+    level = jnp.broadcast_to(jnp.asarray(level, field.dtype), points.shape[:-1])
+    start = points
+    for _ in range(steps):
+        value, step = field(points, "extend"), _across(field, points)
+        step = (level - value)[..., None] * step
+        cells = jnp.abs(step) / jnp.broadcast_to(field.spacing, step.shape)
+        size = jnp.max(cells, axis=-1, keepdims=True)
+        points = points + step * jnp.minimum(1, LONGEST_STEP / jnp.maximum(size, LONGEST_STEP))
+    return _tied(field, start + jax.lax.stop_gradient(points - start), level)
+
+
+@jax.custom_jvp
+def _tied(field: BezierField, points: Array, level: Array) -> Array:
+    """Points of the level set with the derivatives of the implicit function theorem."""
+    return points
+
+
+@_tied.defjvp
+def _tied_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    field, points, level = primals
+    field_dot, points_dot, level_dot = tangents
+    # Tied again, so that derivatives of the derivative follow the level set as well.
+    points = _tied(field, points, level)
+    known = jnp.all(jnp.isfinite(points), axis=-1, keepdims=True)
+    places = jnp.where(known, points, jnp.broadcast_to(field.origin, points.shape))
+    _, value_dot = jax.jvp(lambda f, p: f(p, "extend"), (field, places), (field_dot, points_dot))
+    across = jnp.where(known, _across(field, places), 0)
+    return points, points_dot + (level_dot - value_dot)[..., None] * across
+
+
+def _across(field: BezierField, points: Array) -> Array:
+    """g / |g|^2, or zero where the gradient vanishes."""
+    gradient = field.gradient(points, "extend")
+    squared = jnp.sum(gradient * gradient, axis=-1, keepdims=True)
+    flat = squared == 0
+    return jnp.where(flat, 0, gradient / jnp.where(flat, 1, squared))
+
+
+def length(
+    field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None = None
+) -> Float[Array, ""]:
+    """Length of contour lines, in units of the coordinates.
+
+    Parameters
+    ----------
+    field : BezierField
+        May be traced.
+    lines : sequence of ContourLine
+        `field.contours(levels)`, found outside `jax.jit`; lines of other levels add up.
+    level : float or None
+        Takes the place of the levels of the lines, to differentiate with respect to it.
+
+    Raises
+    ------
+    ValueError
+        For a field that is not 2-D, or no lines.
+
+    Notes
+    -----
+    Lines that end at the border of the grid keep these ends only along the gradient; use closed
+    lines where that matters.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp
+    >>> import contourfair_jax as cf
+    >>> from contourfair_jax import geometry
+    >>> x = jnp.linspace(-1.0, 1.0, 9)
+    >>> hill = jnp.exp(-(x[:, None] ** 2) - x[None, :] ** 2)
+    >>> fair = lambda samples: cf.fair_field(samples, spacing=0.25, origin=-1.0)
+    >>> lines = fair(hill).contours(0.6)
+    >>> jax.grad(lambda samples: geometry.length(fair(samples), lines))(hill).shape
+    (9, 9)
+    """
+    points, follows = _tied_lines(field, lines, level)
+    return jnp.sum(_norm(points[follows] - points[:-1]))
+
+
+def area(
+    field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None = None
+) -> Float[Array, ""]:
+    """Area within closed contour lines: of the places above the level, holes taken off.
+
+    Lines around basins count as negative.  Parameters as for `length`.
+
+    Raises
+    ------
+    ValueError
+        As for `length`, and for lines that are not closed.
+    """
+    if not all(line.closed for line in lines):
+        count = sum(not line.closed for line in lines)
+        raise ValueError(
+            f"lines must be closed to enclose an area, got {count} that end at the border or at "
+            "missing samples; leave them out, or pad the samples so that they close"
+        )
+    points, follows = _tied_lines(field, lines, level)
+    # About the middle of the points: rounding does not grow with the distance to the origin.
+    points = points - jax.lax.stop_gradient(jnp.mean(points, axis=0, keepdims=True))
+    after = points[follows]
+    return jnp.sum(points[:-1, 0] * after[:, 1] - points[:-1, 1] * after[:, 0]) / 2
+
+
+def bending(
+    field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None = None
+) -> Float[Array, ""]:
+    """Squared curvature integrated along contour lines, in 1 / length; 2 pi / r for a circle.
+
+    With the curvature of the field's level set at the points.  Parameters and Raises as for
+    `length`.
+    """
+    points, follows = _tied_lines(field, lines, level)
+    squared = field.mean_curvature(points, "extend") ** 2
+    return jnp.sum((squared[:-1] + squared[follows]) / 2 * _norm(points[follows] - points[:-1]))
+
+
+def _tied_lines(
+    field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None
+) -> tuple[Float[Array, "points 2"], np.ndarray]:
+    """All points of all lines, and of every one but the last which follows (itself at ends)."""
+    if field.ndim != 2:
+        raise ValueError(f"field must be 2-D to have contour lines, got {field.ndim}-D")
+    if not len(lines):
+        raise ValueError("lines must hold at least one line, got none; choose another level")
+    sizes = np.array([len(line.points) for line in lines])
+    levels = np.repeat([line.level for line in lines], sizes) if level is None else level
+    follows = np.arange(1, sizes.sum() + 1)
+    follows[np.cumsum(sizes) - 1] -= 1
+    points = np.concatenate([line.points for line in lines])
+    return level_points(field, points, levels), follows[:-1]
+
+
+def surface_area(
+    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+) -> Float[Array, ""]:
+    """Area of an isosurface.
+
+    Parameters
+    ----------
+    field : BezierField
+        3-D; may be traced.
+    vertices : array, shape (n, 3)
+        Of the isosurface of this level, in physical coordinates.
+    triangles : array of int, shape (m, 3)
+        Numbers of vertices, found outside `jax.jit`.
+    level : float
+
+    Raises
+    ------
+    ValueError
+        For a field that is not 3-D, or triangles that are not (m, 3) or name other vertices.
+    """
+    _, _, normals = _tied_mesh(field, vertices, triangles, level)
+    return jnp.sum(_norm(normals)) / 2
+
+
+def volume(
+    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+) -> Float[Array, ""]:
+    """Volume within a closed isosurface: of the places above the level, cavities taken off.
+
+    By the divergence theorem.  Parameters as for `surface_area`; triangles may face either way, but
+    all the same.
+
+    Raises
+    ------
+    ValueError
+        As for `surface_area`, and for a surface that is not closed.
+
+    Examples
+    --------
+    The derivative of the volume of an isosurface with respect to every sample, with `vertices` and
+    `triangles` of any marching cubes:
+
+    >>> import contourfair_jax as cf
+    >>> from contourfair_jax import geometry
+    >>> def loss(samples, vertices, triangles):
+    ...     return geometry.volume(cf.fair_field(samples), vertices, triangles, 0.5)
+    """
+    _check_closed(np.asarray(triangles))
+    points, triangles, normals = _tied_mesh(field, vertices, triangles, level)
+    points = points - jax.lax.stop_gradient(jnp.mean(points, axis=0, keepdims=True))
+    centres = jnp.mean(points[triangles], axis=1)
+    return jnp.sum(centres * normals) / 6
+
+
+def willmore(
+    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+) -> Float[Array, ""]:
+    """Squared mean curvature integrated over an isosurface; 4 pi for every sphere.
+
+    With the curvature of the field's level set at the vertices.  Parameters and Raises as for
+    `surface_area`.
+    """
+    points, triangles, normals = _tied_mesh(field, vertices, triangles, level)
+    squared = field.mean_curvature(points, "extend") ** 2
+    return jnp.sum(jnp.mean(squared[triangles], axis=1) * _norm(normals)) / 2
+
+
+def _tied_mesh(
+    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+) -> tuple[Float[Array, "n 3"], np.ndarray, Float[Array, "m 3"]]:
+    """Vertices, triangles, and normals of twice their area, away from what is above the level."""
+    if field.ndim != 3:
+        raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D")
+    corners = np.asarray(triangles)
+    count = np.shape(vertices)[0]
+    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
+        raise ValueError(f"triangles must have shape (m, 3) with m > 0, got {corners.shape}")
+    if corners.min() < 0 or corners.max() >= count:
+        raise ValueError(f"triangles must be numbers of the {count} vertices, got others")
+    points = level_points(field, vertices, level)
+    first, second, third = (points[corners[:, k]] for k in range(3))
+    normals = jnp.cross(second - first, third - first)
+    downhill = -field.gradient(jax.lax.stop_gradient((first + second + third) / 3), "extend")
+    side = jnp.sign(jax.lax.stop_gradient(jnp.sum(normals * downhill)))
+    return points, corners, side * normals
+
+
+def _check_closed(triangles: np.ndarray) -> None:
+    """Every edge must be that of two triangles."""
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] % 2).sum())
+    if open_edges:
+        raise ValueError(
+            f"triangles must form a closed surface to enclose a volume, got {open_edges} open "
+            "edges; the surface ends at the border or at missing samples: pad the samples"
+        )
+
+
+def _norm(vectors: Array) -> Array:
+    """Lengths along the last axis; their derivative at zero is zero."""
+    squared = jnp.sum(vectors * vectors, axis=-1)
+    zero = squared == 0
+    return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))

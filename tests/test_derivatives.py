@@ -1,0 +1,223 @@
+"""Derivatives of fairing and of fields: jit, vmap, grad, jvp, vjp and second order, in every input.
+
+One row of `CASES` for each method and dimension.  Two programs of the loss's gradient check all
+first derivatives of a row; second order compiles long and is `slow`.
+"""
+
+import functools
+
+import cases
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import contourfair_jax as cf
+
+SLOW = pytest.mark.slow
+BOTH = pytest.mark.both_precisions
+STEP = 1e-5
+
+# Linear solves to rounding, so that derivatives are those of the exact minimum.
+EXACT = {"tolerance": 1e-14}
+MIXED = {"thin_plate_weight": 0.1, "coherence": 1.2, "tension": 0.3}
+
+
+def local(**settings):
+    return cf.LocalFairing(iterations=2, **settings)
+
+
+def overall(**settings):
+    return cf.GlobalFairing(iterations=2, **EXACT, **settings)
+
+
+def noisy(shape):
+    rng = np.random.default_rng(3)
+    return MIXED | {
+        "sigma": rng.uniform(0.1, 0.6, shape),
+        "cell_weights": rng.uniform(0.5, 2, [n - 1 for n in shape]),
+    }
+
+
+# Shape, method and its real-valued settings, which are differentiated.
+CASES = {
+    "local-2d": ((5, 6), local, {"thin_plate_weight": 0.1}),
+    "local-3d": ((4, 4, 4), local, {"thin_plate_weight": 0.1}),
+    "global-2d": ((5, 6), overall, MIXED),
+    "global-3d": ((4, 4, 4), overall, MIXED),
+    "noise-2d": ((5, 6), overall, noisy((5, 6))),
+}
+PLACE = ("values", "spacing", "origin", "points")
+QUICK_ROWS = ["local-2d", "global-2d"]
+ROWS = [pytest.param(name, marks=() if name in QUICK_ROWS else SLOW) for name in CASES]
+
+
+@functools.cache
+def row(name):
+    """Arguments, a direction for each, and the loss."""
+    shape, make, settings = CASES[name]
+    rng, ndim = np.random.default_rng(1), len(shape)
+    spacing = 1 + 0.3 * np.arange(ndim)
+    arguments = {
+        "values": rng.normal(size=shape),
+        "spacing": spacing,
+        "origin": np.full(ndim, -0.5),
+        "points": rng.uniform(0.2, 0.8, (5, ndim)) * (np.array(shape) - 1) * spacing - 0.5,
+    } | settings
+    arguments = {key: jnp.asarray(value, float) for key, value in arguments.items()}
+    directions = {
+        key: jnp.asarray(rng.normal(size=value.shape) * (0.1 if key == "points" else 1))
+        for key, value in arguments.items()
+    }
+    weights = rng.normal(size=[3 * n - 2 for n in shape])
+
+    def loss(arguments):
+        """A number that depends on the net, and on what the field says of the points."""
+        given = {key: value for key, value in arguments.items() if key not in PLACE}
+        values, spacing, origin, points = (arguments[key] for key in PLACE)
+        field = cf.fair_field(values, spacing=spacing, origin=origin, method=make(**given))
+        value, gradient, hessian = field.jet(points)
+        queries = jnp.sum(value**2) + jnp.sum(jnp.sin(gradient)) + 0.1 * jnp.sum(hessian**2)
+        curvature = jnp.sum(field.mean_curvature(points))
+        net = jnp.sum(jnp.sin(field.control_points) * weights.astype(values.dtype))
+        return net + queries + curvature
+
+    return arguments, directions, jax.jit(loss)
+
+
+@functools.cache
+def gradient_of(name):
+    return jax.jit(jax.grad(row(name)[2]))
+
+
+def along(arguments, directions, t, keys):
+    return arguments | {key: arguments[key] + t * directions[key] for key in keys}
+
+
+def inner(left, right):
+    return sum(float(jnp.vdot(left[key], right[key])) for key in left)
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_gradients_equal_differences(name):
+    """In every argument apart."""
+    arguments, directions, loss = row(name)
+    gradient = gradient_of(name)(arguments)
+    for key in arguments:
+        ends = [float(loss(along(arguments, directions, t, [key]))) for t in (STEP, -STEP)]
+        difference = (ends[0] - ends[1]) / (2 * STEP)
+        assert abs(difference) > 1e-3, key
+        assert inner({key: gradient[key]}, directions) == pytest.approx(difference, rel=2e-5), key
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_forward_and_reverse_mode_agree(name):
+    arguments, directions, loss = row(name)
+    _, forward = jax.jit(lambda a, t: jax.jvp(loss, (a,), (t,)))(arguments, directions)
+    reverse = inner(gradient_of(name)(arguments), directions)
+    assert float(forward) == pytest.approx(reverse, rel=1e-10)
+
+
+def forward_over_reverse(loss, arguments, directions):
+    return jax.jvp(jax.grad(loss), (arguments,), (directions,))[1]
+
+
+def reverse_over_forward(loss, arguments, directions):
+    return jax.grad(lambda a: jax.jvp(loss, (a,), (directions,))[1])(arguments)
+
+
+def reverse_over_reverse(loss, arguments, directions):
+    def slope(arguments):
+        gradient = jax.grad(loss)(arguments)
+        return sum(jnp.vdot(gradient[key], directions[key]) for key in gradient)
+
+    return jax.grad(slope)(arguments)
+
+
+@SLOW
+@pytest.mark.parametrize(
+    "order", [forward_over_reverse, reverse_over_forward, reverse_over_reverse]
+)
+@pytest.mark.parametrize("name", CASES)
+def test_hessian_vector_products(name, order):
+    arguments, directions, loss = row(name)
+    product = jax.jit(functools.partial(order, loss))(arguments, directions)
+    gradient = gradient_of(name)
+    ends = [gradient(along(arguments, directions, t, arguments)) for t in (STEP, -STEP)]
+    for key in arguments:
+        difference = (ends[0][key] - ends[1][key]) / (2 * STEP)
+        size = float(jnp.linalg.norm(difference))
+        assert float(jnp.linalg.norm(product[key] - difference)) < 1e-4 * size, key
+
+
+@SLOW
+@pytest.mark.parametrize("name", CASES)
+def test_batches_of_gradients(name):
+    arguments, directions, _ = row(name)
+    batch = [along(arguments, directions, t, arguments) for t in (0.0, 0.01)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *batch)
+    ours = jax.jit(jax.vmap(jax.grad(row(name)[2])))(stacked)
+    for k, one in enumerate(batch):
+        for key, expected in gradient_of(name)(one).items():
+            np.testing.assert_allclose(ours[key][k], expected, rtol=1e-8, atol=1e-8)
+
+
+def degenerate(shape):
+    """Samples where normals, gradients or both vanish somewhere."""
+    x = np.meshgrid(*[np.linspace(-1, 1, n) for n in shape], indexing="ij")
+    spike = np.zeros(shape)
+    spike[tuple(n // 2 for n in shape)] = 1
+    return {
+        "constant": np.full(shape, 3.7),
+        "plane": 2 * x[0] - x[1],
+        "ridge": np.exp(-((3 * (x[0] - 0.8 * x[1])) ** 2)),
+        "saddle": x[0] * x[1],
+        "spike": spike,
+    }
+
+
+@BOTH
+@pytest.mark.parametrize("name", ROWS)
+def test_degenerate_samples_have_finite_derivatives(name, x64):
+    """Of the net, in both precisions; missing samples get zero and leave the others finite."""
+    shape, make, settings = CASES[name]
+    if make is overall and not x64:
+        make = functools.partial(cf.GlobalFairing, iterations=2)
+
+    weights = np.random.default_rng(2).normal(size=[3 * n - 2 for n in shape])
+
+    @jax.jit
+    @jax.grad
+    def gradient(arguments):
+        given = {key: value for key, value in arguments.items() if key not in PLACE}
+        field = cf.fair_field(
+            arguments["values"], spacing=arguments["spacing"], method=make(**given)
+        )
+        return jnp.nansum(field.control_points * weights.astype(field.dtype))
+
+    samples = degenerate(shape)
+    hole = samples["ridge"].copy()
+    hole[(0,) * len(shape)] = np.nan
+    samples["missing"] = hole
+    for kind, values in samples.items():
+        arguments = {"values": values, "spacing": np.ones(len(shape))} | settings
+        arguments = {key: jnp.asarray(value, float) for key, value in arguments.items()}
+        for key, leaf in gradient(arguments).items():
+            assert bool(jnp.isfinite(leaf).all()), (kind, key)
+            if kind == "missing" and key == "values":
+                assert float(jnp.abs(leaf[(0,) * len(shape)])) == 0
+
+
+def test_points_outside_have_finite_derivatives(rng):
+    """Their NaN values are not to spoil the derivatives of a loss that leaves them out."""
+    net = jnp.asarray(cases.FIELDS["smooth_random"].samples((13, 10), rng))
+    points = jnp.array([[1.0, 1.5], [-1.0, 2.0], [np.nan, 1.0]])
+
+    def loss(net, points):
+        field = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
+        return jnp.nansum(field(points)) + jnp.nansum(field.mean_curvature(points))
+
+    in_net, in_points = jax.grad(loss, argnums=(0, 1))(net, points)
+    assert bool(jnp.isfinite(in_net).all())
+    assert bool(jnp.isfinite(in_points[0]).all())
+    assert bool(jnp.isfinite(in_points[1]).all())

@@ -1,0 +1,192 @@
+"""Differentiable geometry: against differences of what the host finds, and closed forms."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from skimage.measure import marching_cubes
+from splines import catmull_rom
+
+import contourfair_jax as cf
+from contourfair_jax import geometry
+from contourfair_jax._field import BezierField
+from contourfair_jax.metrics import signed_area
+
+SPACING = 0.4
+LEVEL = -1.1
+
+
+def hill(ndim, size):
+    """-|x|^2 with a slant of higher order, so that nothing is symmetric."""
+    axes = np.meshgrid(*[SPACING * (np.arange(size) - (size - 1) / 2)] * ndim, indexing="ij")
+    return -sum(x * x for x in axes) + 0.1 * axes[0] ** 3 + 0.05 * axes[0] * axes[1]
+
+
+def field_of(samples):
+    return catmull_rom(samples, SPACING, -SPACING * (len(samples) - 1) / 2)
+
+
+@pytest.fixture(scope="module")
+def disk():
+    field = field_of(hill(2, 9))
+    return field, field.contours(LEVEL, tolerance=1e-5)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return field_of(hill(3, 9)), *mesh_of(field_of(hill(3, 9)))
+
+
+def mesh_of(field, level=LEVEL, factor=4):
+    values = np.asarray(field.refine(factor))
+    vertices, triangles, *_ = marching_cubes(values, level)
+    return vertices * np.asarray(field.spacing) / factor + np.asarray(field.origin), triangles
+
+
+def moved(field, direction, t):
+    return BezierField(field.control_points + t * direction, field.spacing, field.origin)
+
+
+def direction_of(field, rng):
+    """A change of the net that keeps it C1."""
+    return field_of(1 + rng.normal(size=field.shape)).control_points
+
+
+def measures_2d(field, lines, level=None):
+    args = field, lines, level
+    return jnp.stack([geometry.length(*args), geometry.area(*args), geometry.bending(*args)])
+
+
+def host_measures(field, level=LEVEL):
+    (line,) = field.contours(level, tolerance=1e-5)
+    steps = np.linalg.norm(np.diff(line.points, axis=0), axis=1)
+    return np.array([steps.sum(), signed_area(line.points)])
+
+
+def test_measures_of_a_disk(disk, rng):
+    """Values and derivatives against contours that are traced again, and closed forms."""
+    field, lines = disk
+    direction = direction_of(field, rng)
+
+    @jax.jit
+    def measures(t, level):
+        return measures_2d(moved(field, direction, t), lines, level)
+
+    values, slopes = jax.jvp(lambda t: measures(t, LEVEL), (0.0,), (1.0,))
+    np.testing.assert_allclose(values[:2], host_measures(field), rtol=1e-8)
+    assert values[2] == pytest.approx(2 * np.pi / np.sqrt(-LEVEL), rel=0.1)
+    step = 1e-4
+    ends = [host_measures(moved(field, direction, t)) for t in (step, -step)]
+    np.testing.assert_allclose(slopes[:2], (ends[0] - ends[1]) / (2 * step), rtol=1e-4)
+
+    # Reverse mode is the transpose; the area of a level set goes with the integral of 1 / |g|.
+    reverse = jax.grad(lambda t, level: measures(t, level)[1], argnums=(0, 1))(0.0, LEVEL)
+    assert float(reverse[0]) == pytest.approx(float(slopes[1]), rel=1e-12)
+    points = lines[0].points
+    inverse = 1 / np.linalg.norm(field.gradient(jnp.asarray(points)), axis=1)
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    integral = np.sum(chords * (inverse[1:] + inverse[:-1]) / 2)
+    assert float(reverse[1]) == pytest.approx(-integral, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_second_derivatives(disk, rng):
+    """The points follow the contour: their slopes change as those at the places that they reach."""
+    field, lines = disk
+    direction = direction_of(field, rng)
+
+    @jax.jit
+    def slope(t):
+        return jax.grad(lambda s: geometry.area(moved(field, direction, s), lines))(t)
+
+    step = 1e-4
+    expected = (slope(step) - slope(-step)) / (2 * step)
+    assert float(jax.grad(slope)(0.0)) == pytest.approx(float(expected), rel=2e-3)
+
+
+@pytest.mark.slow
+def test_volume_and_surface_of_a_ball(ball, rng):
+    field, vertices, triangles = ball
+    direction = direction_of(field, rng)
+    radius = np.sqrt(-LEVEL)
+
+    def measures(t, level=LEVEL, mesh=(vertices, triangles)):
+        args = moved(field, direction, t), *mesh, level
+        return jnp.stack([geometry.volume(*args), geometry.surface_area(*args)])
+
+    assert float(measures(0.0)[0]) == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.05)
+    assert float(geometry.willmore(*ball, LEVEL)) == pytest.approx(4 * np.pi, rel=0.1)
+    flipped = geometry.volume(field, vertices, triangles[:, ::-1], LEVEL)
+    assert float(flipped) == pytest.approx(float(measures(0.0)[0]), rel=1e-12)
+    _, slopes = jax.jvp(measures, (0.0,), (1.0,))
+    step = 1e-2
+    ends = [measures(t, mesh=mesh_of(moved(field, direction, t))) for t in (step, -step)]
+    np.testing.assert_allclose(slopes, (ends[0] - ends[1]) / (2 * step), rtol=0.02)
+
+
+def test_points_stay_on_the_contour(disk, rng):
+    """To second order without a step, and on it with steps, inside jit."""
+    field, lines = disk
+    points, direction = jnp.asarray(lines[0].points), direction_of(field, rng)
+    place = jax.jit(lambda t: geometry.level_points(moved(field, direction, t), points, LEVEL, 0))
+    start, velocity = jax.jvp(place, (0.0,), (1.0,))
+    np.testing.assert_array_equal(start, points)
+    misses = []
+    for step in (1e-2, 5e-3):
+        values = moved(field, direction, step)(start + step * velocity)
+        misses.append(float(jnp.abs(values - LEVEL).max()))
+    assert misses[0] / misses[1] == pytest.approx(4, rel=0.2)
+    changed = moved(field, direction, 1e-2)
+    projected = geometry.level_points(changed, points, LEVEL)
+    assert float(jnp.abs(changed(projected) - LEVEL).max()) < 1e-7
+
+
+def test_flat_places_and_missing_points():
+    field = catmull_rom(np.zeros((4, 4)))
+    points = jnp.array([[1.0, 1.5], [np.nan, np.nan]])
+    gradient = jax.grad(lambda level: jnp.sum(geometry.level_points(field, points, level)[0]))(0.0)
+    assert float(gradient) == 0
+    np.testing.assert_array_equal(geometry.level_points(field, points, 1.0), points)
+
+
+@pytest.mark.slow
+def test_derivative_of_an_area_in_the_samples(rng):
+    """Through the fairing: to every sample, and to the spacing."""
+    samples, direction = hill(2, 9), rng.normal(size=(9, 9))
+
+    def fair(samples, spacing=SPACING):
+        return cf.fair_field(samples, spacing=spacing, origin=-4 * SPACING)
+
+    lines = fair(samples).contours(LEVEL, tolerance=1e-5)
+    gradient, in_spacing = jax.jit(
+        jax.grad(lambda s, h: geometry.area(fair(s, h), lines), argnums=(0, 1))
+    )(samples, SPACING)
+    step = 1e-4
+    ends = [host_measures(fair(samples + t * direction))[1] for t in (step, -step)]
+    expected = (ends[0] - ends[1]) / (2 * step)
+    assert float(np.vdot(gradient, direction)) == pytest.approx(expected, rel=1e-3)
+    ends = [host_measures(fair(samples, SPACING + t))[1] for t in (step, -step)]
+    assert float(in_spacing) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
+
+
+def test_bad_input(disk, ball):
+    field, lines = disk
+    solid, vertices, triangles = ball
+    with pytest.raises(ValueError, match="lines must hold at least one line"):
+        geometry.length(field, [])
+    with pytest.raises(ValueError, match=r"lines must be closed .* got 1 that end"):
+        geometry.area(field, field_of(hill(2, 9)[:5]).contours(LEVEL))
+    with pytest.raises(ValueError, match="field must be 2-D"):
+        geometry.length(solid, lines)
+    with pytest.raises(ValueError, match="field must be 3-D"):
+        geometry.volume(field, vertices, triangles, LEVEL)
+    with pytest.raises(ValueError, match="got 3 open edges"):
+        geometry.volume(solid, vertices, triangles[1:], LEVEL)
+    with pytest.raises(ValueError, match=r"triangles must have shape \(m, 3\)"):
+        geometry.surface_area(solid, vertices, triangles[:, :2], LEVEL)
+    with pytest.raises(ValueError, match="numbers of the"):
+        geometry.surface_area(solid, vertices[:5], triangles, LEVEL)
+    with pytest.raises(ValueError, match="steps"):
+        geometry.level_points(field, vertices[:, :2], LEVEL, -1)
+    with pytest.raises(ValueError, match="points"):
+        geometry.level_points(field, vertices, LEVEL)

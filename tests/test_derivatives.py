@@ -1,7 +1,7 @@
 """Derivatives of fairing and of fields: jit, vmap, grad, jvp, vjp and second order, in every input.
 
-One row of `CASES` for each method and dimension.  Two programs of the loss's gradient check all
-first derivatives of a row; second order compiles long and is `slow`.
+One row of `CASES` for each method and dimension.  Second order and 3-D compile long: they are
+`slow`.
 """
 
 import functools
@@ -20,7 +20,7 @@ STEP = 1e-5
 
 # Linear solves to rounding, so that derivatives are those of the exact minimum.
 EXACT = {"tolerance": 1e-14}
-MIXED = {"thin_plate_weight": 0.1, "coherence": 1.2, "tension": 0.3}
+MIXED = {"thin_plate_weight": 0.1, "coherence": 1.2, "tension": 3.0, "smoothness": 0.04}
 
 
 def local(**settings):
@@ -48,8 +48,11 @@ CASES = {
     "noise-2d": ((5, 6), overall, noisy((5, 6))),
 }
 PLACE = ("values", "spacing", "origin", "points")
-QUICK_ROWS = ["local-2d", "global-2d"]
-ROWS = [pytest.param(name, marks=() if name in QUICK_ROWS else SLOW) for name in CASES]
+
+
+def rows(*quick):
+    """All rows, those that are not named as slow ones."""
+    return [pytest.param(name, marks=() if name in quick else SLOW) for name in CASES]
 
 
 @functools.cache
@@ -98,7 +101,7 @@ def inner(left, right):
     return sum(float(jnp.vdot(left[key], right[key])) for key in left)
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", rows("local-2d", "global-2d"))
 def test_gradients_equal_differences(name):
     """In every argument apart."""
     arguments, directions, loss = row(name)
@@ -106,11 +109,11 @@ def test_gradients_equal_differences(name):
     for key in arguments:
         ends = [float(loss(along(arguments, directions, t, [key]))) for t in (STEP, -STEP)]
         difference = (ends[0] - ends[1]) / (2 * STEP)
-        assert abs(difference) > 1e-3, key
+        assert abs(difference) > 1e-4, key
         assert inner({key: gradient[key]}, directions) == pytest.approx(difference, rel=2e-5), key
 
 
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", rows("local-2d"))
 def test_forward_and_reverse_mode_agree(name):
     arguments, directions, loss = row(name)
     _, forward = jax.jit(lambda a, t: jax.jvp(loss, (a,), (t,)))(arguments, directions)
@@ -177,7 +180,7 @@ def degenerate(shape):
 
 
 @BOTH
-@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("name", rows("local-2d"))
 def test_degenerate_samples_have_finite_derivatives(name, x64):
     """Of the net, in both precisions; missing samples get zero and leave the others finite."""
     shape, make, settings = CASES[name]

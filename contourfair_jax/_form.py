@@ -42,24 +42,29 @@ class CellForm(eqx.Module):
         return scatter_corners(self._chunked(chunk, weights, cells), self.shape)
 
     def apply_in_place(self, weights: Weights, dofs: Dofs) -> Dofs:
-        """`apply` with less memory and time, for use where it is not differentiated."""
-        shifts, columns, size = corner_shifts(self.shape), dofs.shape[1], self._chunk_size()
-        padding = -columns % size
-        weights = jnp.pad(weights, ((0, 0), (0, padding)))
-        dofs = jnp.pad(dofs, ((0, 0), (0, padding + shifts[-1])))
+        """`apply` with less memory and time, for use where it is not differentiated.
 
-        def add(result: Array, start: Array) -> tuple[Array, None]:
-            cells = [_columns(dofs, start + s, size) for s in shifts]
-            forces = self._weighted(_columns(weights, start, size), jnp.concatenate(cells))
-            forces = materialise(forces)
-            for s, force in zip(shifts, jnp.split(forces, len(shifts)), strict=True):
-                total = _columns(result, start + s, size) + force
-                result = jax.lax.dynamic_update_slice_in_dim(result, total, start + s, axis=1)
-            return result, None
+        Goes through the row chunk by chunk.  What a chunk adds to vertices behind it is handed on
+        to the next: additions into the whole result would copy it every time.
+        """
+        shifts, columns, size = corner_shifts(self.shape), dofs.shape[1], self._chunk_size()
+        last, padding = shifts[-1], -columns % size
+        weights = jnp.pad(weights, ((0, 0), (0, padding)))
+        dofs = jnp.pad(dofs, ((0, 0), (0, padding + last)))
+        weights, dofs = materialise((weights, dofs))
+
+        def add(over: Array, start: Array) -> tuple[Array, Array]:
+            cells = jnp.concatenate([_columns(dofs, start + s, size) for s in shifts])
+            forces = self._weighted(_columns(weights, start, size), materialise(cells))
+            total = jnp.pad(over, ((0, 0), (0, size)))
+            for s, force in zip(shifts, jnp.split(materialise(forces), len(shifts)), strict=True):
+                total = total + jnp.pad(force, ((0, 0), (s, last - s)))
+            total = materialise(total)
+            return total[:, size:], total[:, :size]
 
         starts = jnp.arange(0, columns, size)
-        result, _ = jax.lax.scan(add, jnp.zeros_like(dofs), starts)
-        return result[:, :columns]
+        _, parts = jax.lax.scan(add, jnp.zeros_like(dofs[:, :last]), starts)
+        return jnp.moveaxis(parts, 0, 1).reshape(len(dofs), -1)[:, :columns]
 
     def densities(self, dofs: Dofs) -> Weights:
         """u(v)^T K_g u(v) for every cell and group."""

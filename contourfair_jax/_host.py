@@ -89,11 +89,11 @@ class HostField:
         return [np.concatenate(same, axis=1) for same in zip(*parts, strict=True)]
 
     def _jet(self, points: np.ndarray, order: int) -> list[np.ndarray]:
-        inside = ((points >= 0) & (points <= np.array(self.cells))).all(1)
+        inside = np.all((points >= 0) & (points <= np.array(self.cells)), axis=1)
         points = np.where(inside[:, None], points, 0.0)
         cell = self.locate(points)
         local = (points - cell).T
-        found = {(): self.gather(cell)}
+        found: dict[tuple[int, ...], np.ndarray] = {(): self.gather(cell)}
         for t in local:
             rows = [bernstein_derivative(k, t).T for k in range(order + 1)]
             found = {

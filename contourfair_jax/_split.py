@@ -76,8 +76,6 @@ def split(
         place[place >= 0] = len(points) + np.arange(np.count_nonzero(kept))
         points, normals = candidates[chosen], slopes[chosen]
         triangles, _ = _halved(points, triangles, place[edges.of_triangle])
-    else:
-        unmet += int(np.count_nonzero(kept))
     return Surface(points, triangles), unmet
 
 

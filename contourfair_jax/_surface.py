@@ -80,11 +80,12 @@ def _blocks(
         cube = np.floor(middles[triangles].mean(1)).astype(int) // FACTOR
         triangles = triangles[field.valid[window][tuple(cube.T)]]
         if len(triangles):
-            used, number = np.unique(triangles, return_inverse=True)
+            used, number = np.unique(triangles.ravel(), return_inverse=True)
             twice = np.rint(2 * middles[used]).astype(np.int64) + 2 * FACTOR * start
             total += len(used)
             check_memory(_BYTES_PER_VERTEX * total, "an isosurface of so many vertices")
-            yield np.ravel_multi_index(tuple(twice.T), name_shape(field)), number.reshape(-1, 3)
+            names = np.asarray(np.ravel_multi_index(tuple(twice.T), name_shape(field)))
+            yield names, number.reshape(-1, 3)
 
 
 def _inside(

@@ -42,10 +42,11 @@ def toward(
     reach = np.minimum(reach, _to_border(field, points, directions))
     with np.errstate(divide="ignore", invalid="ignore"):
         far = np.fmin(2 * np.abs(value / slope), reach)
-    for _ in range(2):  # Within twice the first step of Newton's method mostly, else anywhere.
-        end, _ = _value_and_slope(field, points + far[:, None] * directions, directions, level)
-        bracketed = side * end >= 0
-        far = np.where(bracketed, far, reach)
+    # Within twice the first step of Newton's method mostly, else anywhere.
+    end, _ = _value_and_slope(field, points + far[:, None] * directions, directions, level)
+    far = np.where(side * end >= 0, far, reach)
+    end, _ = _value_and_slope(field, points + far[:, None] * directions, directions, level)
+    bracketed = side * end >= 0
     at = np.where(np.abs(value) <= rounding, 0.0, np.nan)
     open_ = np.flatnonzero(bracketed & ~(at == 0))
     with np.errstate(divide="ignore", invalid="ignore"):

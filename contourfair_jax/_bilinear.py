@@ -1,4 +1,4 @@
-"""Bilinear interpolation, aligned on the samples: what pictures compare with."""
+"""Multilinear interpolation, aligned on the samples: what pictures compare with."""
 
 from collections.abc import Sequence
 
@@ -40,14 +40,16 @@ class BilinearField:
 
         NaN stays within the cells that touch it.
         """
-        values = self.samples
-        for axis in range(2):
-            n = values.shape[axis]
-            at = np.arange(factor * (n - 1) + 1) / factor
-            cell = np.minimum(at.astype(int), max(n - 2, 0))
-            weight = at - cell
-            weight = weight[:, None] if axis == 0 else weight[None, :]
-            low, high = values.take(cell, axis), values.take(np.minimum(cell + 1, n - 1), axis)
-            mixed = (1 - weight) * low + weight * high
-            values = np.where(weight == 0, low, np.where(weight == 1, high, mixed))
-        return values
+        return refine_linearly(self.samples, factor)
+
+
+def refine_linearly(values: np.ndarray, factor: int) -> np.ndarray:
+    """The multilinear interpolant on the finer grid, any dimension; NaN as in `BilinearField`."""
+    for axis, n in enumerate(values.shape):
+        at = np.arange(factor * (n - 1) + 1) / factor
+        cell = np.minimum(at.astype(int), max(n - 2, 0))
+        weight = np.expand_dims(at - cell, [k for k in range(values.ndim) if k != axis])
+        low, high = values.take(cell, axis), values.take(np.minimum(cell + 1, n - 1), axis)
+        mixed = (1 - weight) * low + weight * high
+        values = np.where(weight == 0, low, np.where(weight == 1, high, mixed))
+    return values

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._bilinear import BilinearField
+from ._bilinear import refine_linearly
 from ._components import components
 from ._fair import fair_field
 from ._field import BezierField
@@ -117,8 +117,8 @@ def compare(
 
 
 def bilinear_field(field: BezierField) -> BezierField:
-    """The bilinear interpolant of the samples of a field, in Bezier form; not C1."""
-    net = BilinearField(np.asarray(field.samples)).refine(3)
+    """The bilinear (trilinear) interpolant of a field's samples, in Bezier form; not C1."""
+    net = refine_linearly(np.asarray(field.samples, dtype=np.float64), 3)
     return BezierField(jnp.asarray(net, dtype=field.dtype), field.spacing, field.origin)
 
 

@@ -12,6 +12,8 @@ from ._bezier import cell_extreme, gather_cells, jet, refine_axis
 from ._method import FitReport
 
 if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
     from .contours import Band, Contours, Levels
     from .isosurface import Isosurface
 
@@ -195,6 +197,21 @@ class BezierField(eqx.Module):
         from .isosurface import isosurface
 
         return isosurface(self, level, tolerance)
+
+    def to_vtk(self) -> "vtkUnstructuredGrid":
+        """The field as exact Bezier cells of VTK, Bezier points as point data ``field``.
+
+        Coordinate k of the field is x, y, z of VTK in this order.  Cells with NaN are left out.
+        Needs the extra ``vtk``.
+
+        Raises
+        ------
+        MissingPackageError
+            Where VTK is not installed.
+        """
+        from ._to_vtk import bezier_grid
+
+        return bezier_grid(self)
 
     def to_bspline(self) -> tuple[tuple[Float[Array, " knots"], ...], Float[Array, "*twice"]]:
         """The same field as a cubic B-spline with double knots.

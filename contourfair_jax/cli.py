@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from ._cli_levels import isosurface, metrics
 from ._console import Reporter
 from ._describe import information
 from ._options import (
@@ -225,6 +226,17 @@ def compare(
         save_figure(figure, target)
     if not quiet:
         typer.echo(f"{target}: {shown}, {len(chosen)} levels")
+
+
+app.command(
+    epilog=examples(
+        "contourfair isosurface scan.nii.gz --level 300 -o skin.vtp",
+        "contourfair isosurface scan.npz --level 80 -o mesh.ply --plot mesh.png",
+    )
+)(isosurface)
+app.command(
+    epilog=examples("contourfair metrics dem.tif --interval 20", "contourfair metrics scan.nrrd")
+)(metrics)
 
 
 @app.command(epilog=examples("contourfair info dem.tif"))

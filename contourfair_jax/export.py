@@ -1,4 +1,4 @@
-"""Contour lines and filled bands as files and as pictures.
+"""Contour lines, filled bands and isosurfaces as files, the former as pictures too.
 
 Files hold world coordinates, x first: those of a `Grid` read with `contourfair_jax.io`, which may
 carry a coordinate reference system, or those of the field itself (`grid_of`).
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._lengths import signed_area
+from ._to_vtk import write_mesh as write_mesh
 from .contours import Band
 from .io import ContourLine, Grid, InputError, MissingPackageError, replacing, write_geojson
 from .io import write_svg as write_svg

@@ -1,0 +1,52 @@
+"""Pictures of isosurfaces with Matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .isosurface import Isosurface
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+_COLOR = np.array([0.93, 0.86, 0.74])
+
+
+def draw_surface(
+    mesh: Isosurface, ax: Axes3D, elevation: float = 20.0, azimuth: float = -60.0
+) -> None:
+    """Add a surface to 3-D axes, shaded by its normals, lit from the eye; axis 0 is up."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    up, around = np.radians(elevation), np.radians(azimuth)
+    eye = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    light = eye + 0.5 * np.array([0.0, 0.0, 1.0])
+    light /= np.linalg.norm(light)
+    facing = mesh.normals[:, ::-1][mesh.triangles].mean(1)
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+    # Both sides are lit: which one is seen depends on where the larger values are.
+    shade = 0.18 + 0.82 * np.abs(facing @ light)
+    places = mesh.vertices[:, ::-1]
+    drawn = Poly3DCollection(places[mesh.triangles], linewidths=0, antialiased=False)
+    drawn.set_facecolor(np.clip(shade[:, None] * _COLOR, 0, 1))
+    ax.add_collection3d(drawn)
+    if len(places):
+        low, high = places.min(0), places.max(0)
+        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        ax.set_box_aspect(np.maximum(high - low, 1e-12))
+    ax.view_init(elevation, azimuth)
+    ax.set_axis_off()
+
+
+def surface_figure(mesh: Isosurface, title: str = "") -> Figure:
+    """A picture of one isosurface."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 7), layout="constrained")
+    ax = figure.add_subplot(projection="3d")
+    draw_surface(mesh, ax)  # pyright: ignore[reportArgumentType]
+    ax.set_title(title)
+    return figure

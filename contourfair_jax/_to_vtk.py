@@ -1,0 +1,160 @@
+"""Fields and triangle meshes as VTK data sets, and meshes as files; needs the extra ``vtk``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .io import Grid, InputError, MissingPackageError, replacing
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
+    from ._field import BezierField
+    from .isosurface import Isosurface
+
+# Writers by ending: module, class, and whether positions are stored as float32.
+_WRITERS = {
+    ".vtp": ("vtkIOXML", "vtkXMLPolyDataWriter", False),
+    ".ply": ("vtkIOPLY", "vtkPLYWriter", True),
+    ".stl": ("vtkIOGeometry", "vtkSTLWriter", True),
+    ".obj": ("vtkIOGeometry", "vtkOBJWriter", False),
+}
+MESH_SUFFIXES = tuple(_WRITERS)
+
+
+def bezier_grid(field: BezierField) -> vtkUnstructuredGrid:
+    """The field as Bezier cells of degree 3 that share the points of its net.
+
+    Cells with NaN are left out.  Point data ``field`` has the Bezier points.
+    """
+    model, support = _modules("vtkCommonDataModel"), _modules("util.numpy_support")
+    net = np.asarray(field.control_points)
+    ndim, cells = field.ndim, tuple(n - 1 for n in field.shape)
+    steps = np.asarray(field.spacing, dtype=np.float64) / 3
+    places = np.zeros((net.size, 3))
+    places[:, :ndim] = np.indices(net.shape).reshape(ndim, -1).T * steps
+    places[:, :ndim] += np.asarray(field.origin, dtype=np.float64)
+    kind = model.vtkBezierHexahedron if ndim == 3 else model.vtkBezierQuadrilateral
+    local = np.array(list(np.ndindex((4,) * ndim)))
+    order = np.array([kind.PointIndexFromIJK(*at, (3,) * ndim) for at in local.tolist()])
+    local = local[np.argsort(order)]
+    corners = 3 * np.array(list(np.ndindex(cells)))
+    at = corners[:, None] + local
+    points = np.asarray(np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), net.shape))
+    valid = np.isfinite(net.reshape(-1)[points]).all(axis=1)
+    points = points[valid].astype(np.int64)
+    grid = model.vtkUnstructuredGrid()
+    grid.SetPoints(_points(places))
+    array = model.vtkCellArray()
+    offsets = np.arange(len(points) + 1) * 4**ndim
+    array.SetData(
+        *(support.numpy_to_vtkIdTypeArray(x, deep=True) for x in (offsets, points.ravel()))
+    )
+    grid.SetCells(kind().GetCellType(), array)
+    values = support.numpy_to_vtk(net.reshape(-1), deep=True)
+    values.SetName("field")
+    grid.GetPointData().SetScalars(values)
+    degrees = support.numpy_to_vtk(np.tile([3.0] * ndim + [1.0] * (3 - ndim), (len(points), 1)), 1)
+    degrees.SetName("HigherOrderDegrees")
+    grid.GetCellData().SetHigherOrderDegrees(degrees)
+    return grid
+
+
+def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
+    """The mesh with normals and curvatures as point data.
+
+    Parameters
+    ----------
+    mesh : Isosurface
+    grid : Grid
+        Whose samples the field was made from: positions and normals are then in world coordinates,
+        x first.  By default they are in those of the field.
+    """
+    model, support = _modules("vtkCommonDataModel"), _modules("util.numpy_support")
+    vertices, normals, triangles = mesh.vertices, mesh.normals, mesh.triangles
+    if grid is not None:
+        ends = grid.world(np.concatenate([np.zeros((1, 3)), np.eye(3)]))[:, ::-1]
+        turn = (ends[1:] - ends[0]).T
+        vertices = grid.world(vertices)[:, ::-1]
+        normals = normals @ np.linalg.inv(turn)
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        triangles = triangles[:, ::-1] if np.linalg.det(turn) < 0 else triangles
+    data = model.vtkPolyData()
+    data.SetPoints(_points(np.ascontiguousarray(vertices)))
+    array = model.vtkCellArray()
+    offsets = np.arange(len(triangles) + 1) * 3
+    corners = np.ascontiguousarray(triangles, dtype=np.int64).ravel()
+    array.SetData(*(support.numpy_to_vtkIdTypeArray(x, deep=True) for x in (offsets, corners)))
+    data.SetPolys(array)
+    for name, values in {
+        "normals": normals,
+        "mean_curvature": mesh.mean_curvature,
+        "gaussian_curvature": mesh.gaussian_curvature,
+    }.items():
+        column = support.numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        column.SetName(name)
+        data.GetPointData().AddArray(column)
+    data.GetPointData().SetActiveNormals("normals")
+    return data
+
+
+def write_mesh(
+    path: str | os.PathLike[str], mesh: Isosurface, grid: Grid | None = None
+) -> tuple[str, ...]:
+    """Store a mesh in the format that the name ends in: .vtp, .ply, .stl or .obj.
+
+    Needs the extra ``vtk``.  Normals are kept by all but .stl, curvatures by .vtp only.
+
+    Parameters
+    ----------
+    path : str or path
+    mesh : Isosurface
+    grid : Grid
+        Whose samples the field was made from: the file is then in its world coordinates, x first.
+        By default it is in the coordinates of the field, that of axis 0 first.
+
+    Returns
+    -------
+    tuple of str
+        What is to be known about the file.
+
+    Raises
+    ------
+    InputError
+        For another ending, a mesh without triangles, or a file that cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in _WRITERS:
+        raise InputError(f"{path}: the name must end in {', '.join(_WRITERS)}")
+    if not len(mesh.triangles):
+        raise InputError(f"{path}: there is no surface at level {mesh.level:g}, nothing to write")
+    module, name, single = _WRITERS[suffix]
+    writer = getattr(_modules(module), name)()
+    writer.SetInputData(triangle_mesh(mesh, grid))
+    if hasattr(writer, "SetFileTypeToBinary"):
+        writer.SetFileTypeToBinary()
+    with replacing(path) as partial:
+        writer.SetFileName(os.fspath(partial))
+        writer.Write()
+        if writer.GetErrorCode() or not partial.stat().st_size:
+            raise OSError(f"VTK could not write it, error {writer.GetErrorCode()}")
+    return ("positions are rounded to 7 digits, as the format has float32",) if single else ()
+
+
+def _points(places: np.ndarray) -> Any:
+    points = _modules("vtkCommonCore").vtkPoints()
+    points.SetData(_modules("util.numpy_support").numpy_to_vtk(places, deep=True))
+    return points
+
+
+def _modules(name: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(f"vtkmodules.{name}")
+    except ImportError as error:
+        raise MissingPackageError("VTK is needed: pip install 'contourfair-jax[vtk]'") from error

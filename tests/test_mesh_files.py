@@ -1,0 +1,199 @@
+"""Fields and isosurfaces in VTK and in mesh files."""
+
+from importlib import import_module
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+from splines import catmull_rom
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import mutable
+
+from contourfair_jax import cli, export
+from contourfair_jax.io import Grid, InputError
+
+READERS = {
+    ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
+    ".ply": ("vtkIOPLY", "vtkPLYReader"),
+    ".stl": ("vtkIOGeometry", "vtkSTLReader"),
+    ".obj": ("vtkIOGeometry", "vtkOBJReader"),
+}
+
+
+@pytest.fixture(scope="module")
+def ball():
+    x = np.linspace(-1, 1, 7)
+    samples = x[:, None, None] ** 2 + 0.8 * x[:, None] ** 2 + 0.6 * x**2
+    return catmull_rom(samples, 2 / 6, -1.0).isosurface(0.413, 0.1)
+
+
+def back(path):
+    """Points, triangles and point data of a mesh file."""
+    module, name = READERS[path.suffix]
+    reader = getattr(import_module(f"vtkmodules.{module}"), name)()
+    reader.SetFileName(str(path))
+    reader.Update()
+    data = reader.GetOutput()
+    triangles = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    return vtk_to_numpy(data.GetPoints().GetData()), triangles, data.GetPointData()
+
+
+def signed_volume(points, triangles):
+    return np.linalg.det(points.astype(float)[triangles]).sum() / 6
+
+
+@pytest.mark.parametrize("shape", [(5, 6), (4, 5, 3)])
+def test_vtk_evaluates_the_field(shape):
+    rng = np.random.default_rng(0)
+    field = catmull_rom(rng.normal(size=shape), 0.5, 2.0)
+    grid = field.to_vtk()
+    cells = np.array(list(np.ndindex(*(n - 1 for n in shape))))
+    assert grid.GetNumberOfCells() == len(cells)
+    found, places = [], []
+    values = vtk_to_numpy(grid.GetPointData().GetScalars())
+    for number in range(len(cells)):
+        cell, local = grid.GetCell(number), np.zeros(3)
+        local[: len(shape)] = rng.random(len(shape))
+        place, weights = [0.0] * 3, [0.0] * cell.GetNumberOfPoints()
+        cell.EvaluateLocation(mutable(0), local.tolist(), place, weights)
+        ids = [cell.GetPointId(k) for k in range(cell.GetNumberOfPoints())]
+        found.append(np.dot(weights, values[ids]))
+        places.append(place[: len(shape)])
+        expected = 2.0 + 0.5 * (cells[number] + local[: len(shape)])
+        np.testing.assert_allclose(place[: len(shape)], expected, atol=1e-12)
+    np.testing.assert_allclose(found, field(jnp.asarray(places)), atol=1e-6)
+
+
+def test_cells_without_values_are_left_out_of_vtk():
+    samples = np.random.default_rng(0).normal(size=(6, 6))
+    samples[0, 0] = np.nan
+    field = catmull_rom(samples)
+    expected = np.isfinite(np.asarray(field.bounds()[0])).sum()
+    assert field.to_vtk().GetNumberOfCells() == expected < 25
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_files_hold_the_mesh(suffix, ball, tmp_path):
+    path = tmp_path / f"mesh{suffix}"
+    notes = export.write_mesh(path, ball)
+    points, triangles, _ = back(path)
+    assert len(triangles) == len(ball.triangles)
+    assert (len(points) == len(ball.vertices)) or suffix == ".stl"
+    assert signed_volume(points, triangles) == pytest.approx(ball.volume, rel=1e-5)
+    assert bool(notes) == (suffix in (".ply", ".stl"))
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_vtp_keeps_digits_normals_and_curvatures(ball, tmp_path):
+    export.write_mesh(tmp_path / "mesh.vtp", ball)
+    points, triangles, data = back(tmp_path / "mesh.vtp")
+    np.testing.assert_array_equal(points, ball.vertices)
+    np.testing.assert_array_equal(triangles, ball.triangles)
+    np.testing.assert_array_equal(vtk_to_numpy(data.GetNormals()), ball.normals)
+    for name in ("mean_curvature", "gaussian_curvature"):
+        np.testing.assert_array_equal(vtk_to_numpy(data.GetArray(name)), getattr(ball, name))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_world_coordinates_keep_the_orientation(sign, ball, tmp_path):
+    affine = np.diag([2.0, 3.0 * sign, 1.0, 1.0])
+    affine[:3, 3] = 10.0, 20.0, 30.0
+    grid = Grid(np.zeros((7, 7, 7)), spacing=(1 / 3,) * 3, origin=(-1.0,) * 3, affine=affine)
+    export.write_mesh(tmp_path / "mesh.vtp", ball, grid)
+    points, triangles, data = back(tmp_path / "mesh.vtp")
+    np.testing.assert_allclose(points, grid.world(ball.vertices)[:, ::-1])
+    middle = points.mean(0)
+    a, b, c = np.moveaxis(points[triangles] - middle, 1, 0)
+    outward = np.cross(b - a, c - a)
+    normals = vtk_to_numpy(data.GetNormals())
+    assert ((outward * normals[triangles].sum(1)).sum(1) > 0).all()
+    assert ((points - middle) * normals).sum(1).min() > 0
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1)
+
+
+def test_bad_meshes_and_names(ball, tmp_path):
+    with pytest.raises(InputError, match="must end in"):
+        export.write_mesh(tmp_path / "mesh.glb", ball)
+    with pytest.raises(InputError, match="no folder"):
+        export.write_mesh(tmp_path / "none" / "mesh.ply", ball)
+    empty = catmull_rom(np.zeros((4, 4, 4))).isosurface(1.0)
+    with pytest.raises(InputError, match="no surface at level 1"):
+        export.write_mesh(tmp_path / "mesh.ply", empty)
+    assert not list(tmp_path.iterdir())
+
+
+# The command line ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    """A ball of larger values, and the corner sample missing."""
+    x = np.linspace(-1, 1, 5)
+    path = tmp_path_factory.mktemp("scan") / "scan.npy"
+    np.save(path, 3.0 - (x[:, None, None] ** 2 + x[:, None] ** 2 + x**2))
+    return path
+
+
+def call(capsys, *arguments):
+    code = cli.main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_isosurface_command(scan, tmp_path, capsys):
+    target, picture = tmp_path / "mesh.vtp", tmp_path / "mesh.png"
+    code, out, err = call(
+        capsys, "isosurface", scan, "--level", 2.5, "-o", target, "--plot", picture
+    )
+    assert code == 0, err
+    assert "watertight" in out
+    points, triangles, _ = back(target)
+    assert f"{len(points)} vertices, {len(triangles)} triangles" in out
+    image = np.asarray(Image.open(picture).convert("L"))
+    assert len(np.unique(image)) > 30
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--level", "9", "-o", "mesh.vtp"), "no surface at level 9"),
+        (("--level", "nan", "-o", "mesh.vtp"), "levels must be finite"),
+        (("--level", "1", "-o", "mesh.xyz"), "must end in"),
+        (("--level", "1", "-o", "mesh.vtp", "--plot", "mesh.pdf"), "must end in"),
+        (("--level", "1", "-o", "mesh.vtp", "--tolerance", "0"), "tolerance must be"),
+        (("-o", "mesh.vtp"), "--level"),
+    ],
+)
+def test_isosurface_command_refuses(scan, tmp_path, capsys, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, "isosurface", scan, *arguments)
+    assert code == 2
+    assert message in err.splitlines()[-1]
+    assert not list(tmp_path.iterdir())
+
+
+def test_isosurface_command_refuses_images(tmp_path, capsys):
+    np.save(tmp_path / "flat.npy", np.eye(5))
+    code, _, err = call(
+        capsys, "isosurface", tmp_path / "flat.npy", "--level", 1, "-o", tmp_path / "mesh.vtp"
+    )
+    assert code == 2
+    assert "3-D data is needed" in err
+
+
+def test_metrics_command(scan, tmp_path, capsys):
+    code, out, _ = call(capsys, "metrics", scan, "--levels", "2,2.5")
+    rows = [line.split() for line in out.splitlines()]
+    assert code == 0
+    assert rows[0] == ["level", "field", "area", "bending/4pi", "parts", "Euler"]
+    assert [row[:2] for row in rows[1:]] == [
+        ["2", "trilinear"], ["2", "fair"], ["2.5", "trilinear"], ["2.5", "fair"]
+    ]  # fmt: skip
+    assert [float(x) for x in rows[4][2:]] == pytest.approx([8 * np.pi, 1, 1, 2], rel=0.15)
+    np.save(tmp_path / "flat.npy", np.load(scan)[2])
+    code, out, _ = call(capsys, "metrics", tmp_path / "flat.npy", "--count", 2)
+    rows = [line.split() for line in out.splitlines()]
+    assert code == 0
+    assert len(rows) == 5
+    assert rows[1][1] == "bilinear"

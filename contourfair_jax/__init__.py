@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from ._fair import fair_field as fair_field
     from ._field import BezierField as BezierField
     from ._global import GlobalFairing as GlobalFairing
+    from ._layer import FairUpsample as FairUpsample
     from ._local import LocalFairing as LocalFairing
     from ._method import AbstractFairing as AbstractFairing
     from ._solve import LU as LU
@@ -25,6 +26,7 @@ _MODULE_OF = {
     "AbstractSolver": "_solve",
     "BezierField": "_field",
     "Cholesky": "_solve",
+    "FairUpsample": "_layer",
     "GlobalFairing": "_global",
     "LU": "_solve",
     "LeastSquares": "_solve",
@@ -40,6 +42,7 @@ __all__ = [
     "AbstractSolver",
     "BezierField",
     "Cholesky",
+    "FairUpsample",
     "GlobalFairing",
     "LeastSquares",
     "LocalFairing",

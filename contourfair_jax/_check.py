@@ -110,8 +110,8 @@ def check_points(points: object, ndim: int, dtype: np.dtype) -> Float[Array, "*b
     return jnp.asarray(array, dtype=dtype)
 
 
-def check_choice(value: object, choices: Sequence[str], name: str) -> None:
-    """Raise ValueError unless `value` is one of the strings in `choices`."""
+def check_choice(value: object, choices: Sequence[object], name: str) -> None:
+    """Raise ValueError unless `value` is one of `choices`."""
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)
         raise ValueError(f"{name} must be one of {listed}, got {value!r}")

@@ -1,0 +1,101 @@
+"""Where the samples of a fit lie; checks of data about them."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from ._method import is_traced
+
+# How far outside the grid a point may lie by rounding, in units of the spacing.
+SLACK = 1e-5
+
+
+class Extent(eqx.Module):
+    """The grid that is fitted: its shape, geometry and dtype."""
+
+    shape: tuple[int, ...] = eqx.field(static=True)
+    spacing: Float[Array, " ndim"]
+    origin: Float[Array, " ndim"]
+
+    @property
+    def ndim(self) -> int:
+        """Spatial dimensions."""
+        return len(self.shape)
+
+    @property
+    def dtype(self) -> jnp.dtype:
+        """The dtype of the fit."""
+        return self.spacing.dtype
+
+    def check_inside(self, points: ArrayLike, kind: str) -> Array:
+        """Points in the dtype of the fit.
+
+        Raises
+        ------
+        ValueError
+            For another number of coordinates, or points outside the grid (where they are known):
+            how many, and where the grid lies.
+        """
+        shape = np.shape(points)
+        if shape[-1] != self.ndim:
+            raise ValueError(
+                f"points of {kind} must have {self.ndim} coordinates for a grid of shape "
+                f"{self.shape}, got shape {shape}"
+            )
+        if not is_traced(points, self.spacing, self.origin):
+            low, known = np.asarray(self.origin, dtype=float), np.asarray(points, dtype=float)
+            step = np.asarray(self.spacing, dtype=float)
+            high = low + step * (np.array(self.shape) - 1)
+            outside = ((known < low - SLACK * step) | (known > high + SLACK * step)).any(axis=-1)
+            if outside.any():
+                raise ValueError(
+                    f"{outside.sum()} of {outside.size} points of {kind} lie outside the grid, "
+                    f"which goes from {tuple(low.tolist())} to {tuple(high.tolist())}; "
+                    "leave them out, or fit a larger grid"
+                )
+        return jnp.asarray(points, self.dtype)
+
+
+def check_finite(array: ArrayLike, name: str) -> None:
+    """Raise ValueError for known numbers that are not finite."""
+    if is_traced(array):
+        return
+    bad = ~np.isfinite(np.asarray(array, dtype=float))
+    if bad.any():
+        raise ValueError(
+            f"{name} must be finite, got {bad.sum()} of {bad.size} that are not; "
+            "leave out what was not observed"
+        )
+
+
+def check_sigma(sigma: ArrayLike, shape: tuple[int, ...], kind: str) -> None:
+    """Raise ValueError unless `sigma` is above zero, one number or one for each of the data."""
+    if np.shape(sigma) not in ((), shape):
+        wanted = "one number" if shape == () else f"one number or of shape {shape}"
+        raise ValueError(f"sigma of {kind} must be {wanted}, got shape {np.shape(sigma)}")
+    if is_traced(sigma):
+        return
+    bad = ~(np.asarray(sigma, dtype=float) > 0)
+    if bad.any():
+        raise ValueError(
+            f"sigma of {kind} must be above zero, got {np.asarray(sigma)[bad].flat[0]}; "
+            "it is the standard deviation of the noise"
+        )
+
+
+def padded(array: ArrayLike, dtype: jnp.dtype, fill: float | None = None) -> Array:
+    """More rows up to `padded_count`: copies of the last one, or `fill`."""
+    values = jnp.asarray(array, dtype)
+    rows = padded_count(values.shape[0]) - values.shape[0]
+    widths = ((0, rows),) + ((0, 0),) * (values.ndim - 1)
+    if fill is None:
+        return jnp.pad(values, widths, mode="edge")
+    return jnp.pad(values, widths, constant_values=fill)
+
+
+def padded_count(count: int) -> int:
+    """`count` rounded up to a multiple of an eighth of the power of two at or below it, or of 8."""
+    unit = max(8, 2 ** (count.bit_length() - 4))
+    return -(-count // unit) * unit

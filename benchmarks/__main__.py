@@ -19,6 +19,7 @@ from benchmarks import (
     cost,
     engine,
     holes,
+    inverse,
     machine,
     memory,
     protocols,
@@ -57,6 +58,9 @@ BENCHMARKS = {
         robustness.run, robustness.tables, True, "Overshoot, NaN, seams, crossing lines."
     ),
     "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled."),
+    "inverse": Benchmark(
+        inverse.run, inverse.tables, True, "Contours to DEM, missing slices, scattered points."
+    ),
     "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2."),
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
     "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),

@@ -35,23 +35,40 @@ def _gmt(arguments: list[str], folder: str, given: bytes = b"") -> bytes:
     return call.stdout
 
 
-def _interpolate(values: Array, factor: int, command: list[str]) -> Array:
-    rows, columns = values.shape
-    valid = np.isfinite(values)
-    low, span = values[valid].min(), np.ptp(values[valid]) or 1.0
-    y, x = np.nonzero(valid)
-    table = np.column_stack([x, y, (values[valid] - low) / span]).astype(np.float64)
+def _gridded(
+    points: Array, values: Array, shape: tuple[int, ...], factor: int, command: list[str]
+) -> Array:
+    """Values on a grid that is `factor` times finer than `shape`, from scattered points."""
+    rows, columns = shape
+    low, span = values.min(), np.ptp(values) or 1.0
+    table = np.column_stack([points[:, 1], points[:, 0], (values - low) / span])
     region = [f"-R0/{columns - 1}/0/{rows - 1}", f"-I{1.0 / factor!r}", "-bi3d", "-Gout.grd"]
     with tempfile.TemporaryDirectory() as folder:
-        _gmt([*command, *region, "-Vq"], folder, table.tobytes())
+        _gmt([*command, *region, "-Vq"], folder, table.astype(np.float64).tobytes())
         # ZBL: rows from the bottom, so that row 0 is y = 0 again.
         raw = _gmt(["grd2xyz", "out.grd", "-ZBLd", "-Vq"], folder)
         Path(folder, "out.grd").unlink(missing_ok=True)
-    shape = ((rows - 1) * factor + 1, (columns - 1) * factor + 1)
-    refined = np.frombuffer(raw).reshape(shape)
+    refined = np.frombuffer(raw).reshape((rows - 1) * factor + 1, (columns - 1) * factor + 1)
     if not np.isfinite(refined).all() or np.abs(refined).max() > 1e3:
         raise NotConverged("values are not finite or 1000 times the samples' range")
     return low + span * refined
+
+
+def _interpolate(values: Array, factor: int, command: list[str]) -> Array:
+    valid = np.isfinite(values)
+    points = np.argwhere(valid).astype(float)
+    return _gridded(points, values[valid], values.shape, factor, command)
+
+
+def surface_points(
+    points: Array, values: Array, shape: tuple[int, ...], tension: float = 0.0
+) -> Array:
+    """``gmt surface`` through scattered points, in units of the grid of `shape`."""
+    command = ["surface", f"-T{tension}"]
+    try:
+        return _gridded(points, values, shape, 1, command)
+    except NotConverged:
+        return _gridded(points, values, shape, 1, [*command, "-Z1"])
 
 
 def surface(values: Array, spacing: Spacing, factor: int, tension: float = 0.0) -> Array:

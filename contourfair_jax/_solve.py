@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix, materialise
 
-# How often the elimination cuts the matrix to what is left of it: work against compile time.
+# Panels of rows that the elimination works in: traffic of memory against compile time.
 PANELS = 4
 
 
@@ -99,26 +99,27 @@ def eliminate(
 ) -> Float[Array, "n batch"]:
     """Solve symmetric positive definite systems without pivots, batch last.
 
-    The right-hand side rides along as the last column.  From time to time the finished rows
-    are set aside and the work goes on with what is left of the matrix.  The loops are real loops:
-    unrolled, XLA would fuse the steps and compute every one again for each use.
+    The right-hand side rides along as the last column.  A panel of rows is reduced by itself; what
+    lies below takes all its rows in one pass over memory.
     """
+    n = len(rhs)
     work = jnp.concatenate([matrix, rhs[:, None]], axis=1)
     panels = []
-    while work.shape[0] > 0:
-        steps = min(-(-rhs.shape[0] // PANELS), work.shape[0])
-        work = jax.lax.fori_loop(0, steps, _eliminate_row, work)
-        panels.append(work[:steps])
-        work = work[steps:, steps:]
+    while len(work) > 0:
+        steps = min(-(-n // PANELS), len(work))
+        # A real loop: unrolled, XLA would fuse the steps and compute every one again for each use.
+        panel = jax.lax.fori_loop(0, steps, _eliminate_row, work[:steps])
+        panels.append(materialise(panel))
+        work = _subtract_panel(panels[-1], work[steps:, steps:])
     solution = jnp.zeros_like(rhs[:0])
     for panel in reversed(panels):
-        steps = panel.shape[0]
+        steps = len(panel)
         known = jnp.sum(panel[:, steps:-1] * solution[None], axis=1)
         solution = jnp.concatenate([_back_substitute(panel, panel[:, -1] - known), solution])
     return solution
 
 
-def _eliminate_row(k: Array, work: Float[Array, "n n+1 batch"]) -> Float[Array, "n n+1 batch"]:
+def _eliminate_row(k: Array, work: Float[Array, "w m batch"]) -> Float[Array, "w m batch"]:
     """Subtract multiples of row k from the rows below."""
     # Taking the factors from column k and not, by symmetry, from row k lets XLA work in place.
     row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
@@ -127,6 +128,19 @@ def _eliminate_row(k: Array, work: Float[Array, "n n+1 batch"]) -> Float[Array, 
     below = jnp.arange(work.shape[0])[:, None] > k
     factors = jnp.where(below, column * (1 / pivot)[None], 0)
     return work - factors[:, None] * row[None]
+
+
+def _subtract_panel(
+    panel: Float[Array, "w m batch"], rest: Float[Array, "r r+1 batch"]
+) -> Float[Array, "r r+1 batch"]:
+    """Subtract multiples of the reduced rows of `panel` from the rows below it."""
+    if len(rest) == 0:
+        return rest
+    w = len(panel)
+    pivots = jnp.stack([panel[k, k] for k in range(w)])
+    factors = materialise(panel[:, w:-1] / pivots[:, None])  # columns below, by symmetry
+    terms = [factors[k][:, None] * panel[k, w:][None] for k in range(w)]
+    return materialise(rest - sum(terms[1:], start=terms[0]))
 
 
 def _back_substitute(

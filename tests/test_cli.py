@@ -431,7 +431,7 @@ def test_faults_of_the_program_are_code_1_and_leave_nothing(run, dem, tmp_path, 
     def broken(*_):
         raise TypeError("first line\nsecond line")
 
-    monkeypatch.setattr(cli, "fair", broken)
+    monkeypatch.setattr("contourfair_jax._upsample.fair", broken)
     code, out, err = run("upsample", dem, "-o", tmp_path / "out.tif", "-q")
     assert (code, out) == (1, "")
     assert "internal error, TypeError: first line (set" in one_line(err)
@@ -444,7 +444,7 @@ def test_an_interrupt_is_code_130(run, dem, tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "fair", interrupted)
+    monkeypatch.setattr("contourfair_jax._upsample.fair", interrupted)
     assert run("upsample", dem, "-o", tmp_path / "out.tif")[0] == 130
     assert os.listdir(tmp_path) == ["dem.tif"]
 

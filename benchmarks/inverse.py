@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline, RBFInterpolator, griddata
 from skimage.measure import find_contours
@@ -36,7 +37,7 @@ def _fitted(observations: object, shape: tuple[int, ...], prior: inverse.ThinPla
     return np.asarray(fit.samples)
 
 
-def contour_points(truth: Array) -> tuple[list[tuple[float, Array]], Array, Array]:
+def contour_points(truth: Array) -> tuple[list, Array, Array]:
     """Lines of the bilinear field every `INTERVAL`; all their vertices and levels."""
     levels = np.arange(np.ceil(truth.min() / INTERVAL) * INTERVAL, truth.max(), INTERVAL)
     # Levels that samples have would give lines through samples only; half a metre avoids it.
@@ -122,14 +123,18 @@ def missing_slices() -> Iterator[tuple[str, Array, Array | None, dict[str, Fill]
 
     def fit() -> Array:
         found = inverse.fit_samples(
-            inverse.Values(points, truth[kept], 1.0), truth.shape, spacing=steps, method=LINEAR
+            inverse.Values(points, truth[kept], 1.0),
+            truth.shape,
+            spacing=steps,
+            method=LINEAR,
         )
         return np.asarray(found.samples)
 
     def faired(method: cf.AbstractFairing) -> Array:
         spacing = steps * [SLICES, 1, 1]
         field = cf.fair_field(known, spacing=spacing, method=method)
-        return np.asarray(field(np.moveaxis(np.indices(truth.shape), 0, -1) * steps))
+        everywhere = jnp.asarray(np.moveaxis(np.indices(truth.shape), 0, -1) * steps)
+        return np.asarray(field(everywhere))
 
     methods: dict[str, Fill] = {
         "linear": lambda: np.stack(

@@ -48,15 +48,15 @@ def refine_lazily(
     dtype: np.dtype,
 ) -> Any:
     """The refined samples of a dask array, in chunks of one tile each; nothing is computed yet."""
-    import dask
     import dask.array as da
+    from dask.delayed import delayed
 
     halo, cells = overlap_of(method, samples.ndim, factor)
     tiling = Tiling(samples.shape, factor, cells, halo)
     task = _Task(uuid.uuid4().hex, tiling, method, tuple(spacing), dtype)
     parts = np.empty(tiling.counts, dtype=object)
     for tile in tiling:
-        refine = dask.delayed(partial(_refine, task, tile.number), traverse=False)
+        refine = delayed(partial(_refine, task, tile.number), traverse=False)
         shape = tuple(part.stop - part.start for part in tile.region)
         part = da.from_delayed(refine(samples[tile.block]), shape, dtype)
         parts[np.unravel_index(tile.number, tiling.counts)] = part

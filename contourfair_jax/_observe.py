@@ -243,7 +243,7 @@ class BoxAverages(AbstractObservation):
             matrices.append(jnp.asarray(interval_averages(edges, samples), extent.dtype))
         values = jnp.asarray(self.values, extent.dtype)
         sigma = jnp.broadcast_to(jnp.asarray(self.sigma, extent.dtype), shape)
-        return Averages(values, tuple(matrices), sigma), shape[0]
+        return Averages(values=values, weights=tuple(matrices), sigma=sigma), shape[0]
 
 
 def interval_averages(edges: Float[np.ndarray, " m+1"], count: int) -> np.ndarray:

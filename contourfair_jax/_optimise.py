@@ -98,7 +98,8 @@ class GaussNewton(AbstractOptimiser):
 
         start = jnp.ones((), z.dtype), jnp.zeros((), jnp.int32)
         length, halvings = jax.lax.while_loop(worse, halve, start)
-        return jnp.where(halvings < HALVINGS, z + length * change, z), None
+        useful: Array = jnp.where(halvings < HALVINGS, length * change, jnp.zeros_like(z))  # pyright: ignore
+        return z + useful, None
 
 
 def _least_squares(tolerance: float, max_steps: int) -> lx.AbstractLinearSolver:

@@ -190,9 +190,9 @@ def fit_samples(
     observed = _as_tuple(observations)
     extent = _extent(shape, spacing, origin, dtype)
     prepared = [each.prepare(extent) for each in observed]
-    method = _checked(method, LocalFairing, AbstractFairing, "method")
-    optimiser = _checked(optimiser, GaussNewton, AbstractOptimiser, "optimiser")
-    regularisation = _checked(regularisation, ThinPlate, ThinPlate, "regularisation")
+    fairing = _checked(method, LocalFairing, AbstractFairing, "method")
+    chosen = _checked(optimiser, GaussNewton, AbstractOptimiser, "optimiser")
+    prior = _checked(regularisation, ThinPlate, ThinPlate, "regularisation")
     first = None
     if start is not None:
         _check.check_shape(start, extent.shape, "start")
@@ -203,7 +203,7 @@ def fit_samples(
     with shown(progress):
         report = tell if progress else None
         problem, found, field, differences = solve(
-            misfits, extent, method, regularisation, bases, optimiser, first, report
+            misfits, extent, fairing, prior, bases, chosen, first, report
         )
     if not is_traced(found.converged):
         _warn(found)

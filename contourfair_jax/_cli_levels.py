@@ -1,4 +1,4 @@
-"""The commands about level sets: ``isosurface`` and ``metrics``."""
+"""The commands ``isosurface``, ``adaptive`` and ``metrics``."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from ._options import (
     Quiet,
     Single,
     Weight,
+    examples,
     output,
 )
 from ._run import Settings, check_fairable, fair, precision
@@ -85,6 +86,43 @@ def isosurface(
         )
 
 
+def adaptive(
+    source: Input,
+    target: Annotated[Path, output("File for the leaves, a .vtu.")],
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", "-t", help="Largest error, in units of the samples.")
+    ],
+    method: Method = "local",
+    iterations: Iterations = None,
+    thin_plate_weight: Weight = None,
+    key: Key = None,
+    single: Single = False,
+    quiet: Quiet = False,
+) -> None:
+    """Refine where the fair field needs it: a quadtree, or an octree, with a proved error.
+
+    The values at the corners, interpolated linearly along the axes, stay within the tolerance.
+    """
+    from ._to_vtk import write_leaves
+
+    say = Reporter(quiet)
+    check_suffix(target, (".vtu",))
+    grid = load(source, key, target, say)
+    check_fairable(grid)
+    size = " x ".join(str(n) for n in grid.shape)
+    with precision(single), say.working(f"fairing {size} samples"):
+        field = fair(grid, method, Settings(iterations, thin_plate_weight))
+    try:
+        with precision(single), say.working("refining"):
+            found = field.adaptive(tolerance)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    with say.working(f"writing {target}"):
+        write_leaves(target, found, grid)
+    if not quiet:
+        typer.echo(f"{target}: {len(found)} leaves, error at most {found.error:.4g}")
+
+
 def metrics(
     source: Input,
     levels: Levels = None,
@@ -138,3 +176,16 @@ def _surfaces(field: BezierField, levels: Sequence[float]) -> list[tuple]:
 
     found = [surface_metrics(field.isosurface(level, 0.05)) for level in levels]
     return [(m.area, m.bending / (4 * np.pi), m.components, m.euler_characteristic) for m in found]
+
+
+COMMANDS = {
+    isosurface: examples(
+        "contourfair isosurface scan.nii.gz --level 300 -o skin.vtp",
+        "contourfair isosurface scan.npz --level 80 -o mesh.ply --plot mesh.png",
+    ),
+    adaptive: examples("contourfair adaptive dem.tif --tolerance 0.5 -o leaves.vtu"),
+    metrics: examples(
+        "contourfair metrics dem.tif --interval 20",
+        "contourfair metrics scan.nrrd",
+    ),
+}

@@ -14,6 +14,7 @@ from ._method import FitReport
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+    from .adaptive import AdaptiveField
     from .contours import Band, Contours, Levels
     from .isosurface import Isosurface
 
@@ -197,6 +198,12 @@ class BezierField(eqx.Module):
         from .isosurface import isosurface
 
         return isosurface(self, level, tolerance)
+
+    def adaptive(self, tolerance: float) -> "AdaptiveField":
+        """A quadtree or octree within `tolerance`; see `contourfair_jax.adaptive.adaptive`."""
+        from .adaptive import adaptive
+
+        return adaptive(self, tolerance)
 
     def to_vtk(self) -> "vtkUnstructuredGrid":
         """The field as exact Bezier cells of VTK, Bezier points as point data ``field``.

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
     from ._field import BezierField
+    from .adaptive import AdaptiveField
     from .isosurface import Isosurface
 
 # Writers by ending: module, class, and whether positions are stored as float32.
@@ -64,6 +65,48 @@ def bezier_grid(field: BezierField) -> vtkUnstructuredGrid:
     return grid
 
 
+def leaf_grid(adaptive: AdaptiveField, grid: Grid | None = None) -> vtkUnstructuredGrid:
+    """The leaves of an adaptive field as quads or hexahedra; see `AdaptiveField.to_vtk`."""
+    model, support = _modules("vtkCommonDataModel"), _modules("util.numpy_support")
+    ndim = adaptive.vertices.shape[1]
+    vertices = adaptive.vertices
+    turned = False
+    if grid is not None:
+        turned = np.linalg.det(_turn(grid)) < 0
+        vertices = grid.world(vertices)[:, ::-1]
+    places = np.zeros((len(vertices), 3))
+    places[:, :ndim] = vertices
+    # VTK goes round the face of axes 0 and 1, then round the opposite one; corners here count in
+    # binary, the last axis first.
+    round_ = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[:: -1 if turned else 1]
+    order = round_ @ np.array([2, 1])
+    if ndim == 3:
+        order = np.concatenate([2 * order, 2 * order + 1])
+    leaves = adaptive.leaves[:, order].astype(np.int64)
+    data = model.vtkUnstructuredGrid()
+    data.SetPoints(_points(places))
+    array = model.vtkCellArray()
+    offsets = np.arange(len(leaves) + 1) * 2**ndim
+    array.SetData(
+        *(support.numpy_to_vtkIdTypeArray(x, deep=True) for x in (offsets, leaves.ravel()))
+    )
+    data.SetCells((model.vtkQuad if ndim == 2 else model.vtkHexahedron)().GetCellType(), array)
+    for name, values, target in (
+        ("field", adaptive.values, data.GetPointData()),
+        ("depth", adaptive.depths, data.GetCellData()),
+    ):
+        column = support.numpy_to_vtk(values, deep=True)
+        column.SetName(name)
+        target.SetScalars(column)
+    return data
+
+
+def _turn(grid: Grid) -> np.ndarray:
+    """Matrix from steps of the field to steps of the world, x first."""
+    ends = grid.world(np.concatenate([np.zeros((1, grid.ndim)), np.eye(grid.ndim)]))[:, ::-1]
+    return (ends[1:] - ends[0]).T
+
+
 def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
     """The mesh with normals and curvatures as point data.
 
@@ -77,8 +120,7 @@ def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
     model, support = _modules("vtkCommonDataModel"), _modules("util.numpy_support")
     vertices, normals, triangles = mesh.vertices, mesh.normals, mesh.triangles
     if grid is not None:
-        ends = grid.world(np.concatenate([np.zeros((1, 3)), np.eye(3)]))[:, ::-1]
-        turn = (ends[1:] - ends[0]).T
+        turn = _turn(grid)
         vertices = grid.world(vertices)[:, ::-1]
         normals = normals @ np.linalg.inv(turn)
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -134,15 +176,28 @@ def write_mesh(
         raise InputError(f"{path}: there is no surface at level {mesh.level:g}, nothing to write")
     module, name, single = _WRITERS[suffix]
     writer = getattr(_modules(module), name)()
-    writer.SetInputData(triangle_mesh(mesh, grid))
     if hasattr(writer, "SetFileTypeToBinary"):
         writer.SetFileTypeToBinary()
+    _write(path, writer, triangle_mesh(mesh, grid))
+    return ("positions are rounded to 7 digits, as the format has float32",) if single else ()
+
+
+def write_leaves(
+    path: str | os.PathLike[str], adaptive: AdaptiveField, grid: Grid | None = None
+) -> None:
+    """Store the leaves of an adaptive field as a .vtu; `grid` as for `write_mesh`."""
+    if not len(adaptive):
+        raise InputError(f"{path}: every cell is missing, nothing to write")
+    _write(path, _modules("vtkIOXML").vtkXMLUnstructuredGridWriter(), leaf_grid(adaptive, grid))
+
+
+def _write(path: str | os.PathLike[str], writer: Any, data: Any) -> None:
+    writer.SetInputData(data)
     with replacing(path) as partial:
         writer.SetFileName(os.fspath(partial))
         writer.Write()
         if writer.GetErrorCode() or not partial.stat().st_size:
             raise OSError(f"VTK could not write it, error {writer.GetErrorCode()}")
-    return ("positions are rounded to 7 digits, as the format has float32",) if single else ()
 
 
 def _points(places: np.ndarray) -> Any:

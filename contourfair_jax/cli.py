@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from ._cli_levels import isosurface, metrics
+from ._cli_levels import COMMANDS
 from ._console import Reporter
 from ._describe import information
 from ._options import (
@@ -228,15 +228,8 @@ def compare(
         typer.echo(f"{target}: {shown}, {len(chosen)} levels")
 
 
-app.command(
-    epilog=examples(
-        "contourfair isosurface scan.nii.gz --level 300 -o skin.vtp",
-        "contourfair isosurface scan.npz --level 80 -o mesh.ply --plot mesh.png",
-    )
-)(isosurface)
-app.command(
-    epilog=examples("contourfair metrics dem.tif --interval 20", "contourfair metrics scan.nrrd")
-)(metrics)
+for _command, _examples in COMMANDS.items():
+    app.command(epilog=_examples)(_command)
 
 
 @app.command(epilog=examples("contourfair info dem.tif"))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._lengths import signed_area
+from ._to_vtk import write_leaves as write_leaves
 from ._to_vtk import write_mesh as write_mesh
 from .contours import Band
 from .io import ContourLine, Grid, InputError, MissingPackageError, replacing, write_geojson

@@ -197,3 +197,16 @@ def test_metrics_command(scan, tmp_path, capsys):
     assert code == 0
     assert len(rows) == 5
     assert rows[1][1] == "bilinear"
+
+
+def test_adaptive_command(scan, tmp_path, capsys):
+    target = tmp_path / "leaves.vtu"
+    code, out, _ = call(capsys, "adaptive", scan, "--tolerance", 0.05, "-o", target)
+    assert code == 0
+    reader = import_module("vtkmodules.vtkIOXML").vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(target))
+    reader.Update()
+    assert f"{reader.GetOutput().GetNumberOfCells()} leaves" in out
+    code, _, err = call(capsys, "adaptive", scan, "--tolerance", 0, "-o", tmp_path / "no.vtu")
+    assert code == 2
+    assert "tolerance must be above zero" in err

@@ -13,7 +13,8 @@ class FitReport(eqx.Module):
     Parameters
     ----------
     converged : bool array, shape ()
-        Whether every linear solve met its tolerance within the step limit.
+        Whether every linear solve met its tolerance within the step limit, and the iteration its
+        own where it has one.
     updates : array, shape (iterations + 1,)
         Largest change of the control net in each iteration, in units of the samples' spread.
     steps : array of int, shape (iterations + 1,)

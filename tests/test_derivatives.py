@@ -224,3 +224,72 @@ def test_points_outside_have_finite_derivatives(rng):
     assert bool(jnp.isfinite(in_net).all())
     assert bool(jnp.isfinite(in_points[0]).all())
     assert bool(jnp.isfinite(in_points[1]).all())
+
+
+# Converged global fairing ----------------------------------------------------------------
+
+
+def limit_loss(arguments, **settings):
+    """A number that depends on the limit of the normals."""
+    shape = arguments["values"].shape
+    weights = np.random.default_rng(2).normal(size=[3 * n - 2 for n in shape])
+    given = {key: value for key, value in arguments.items() if key not in PLACE}
+    field = cf.fair_field(
+        arguments["values"],
+        spacing=arguments["spacing"],
+        method=cf.GlobalFairing(tolerance=1e-12, **settings, **given),
+    )
+    return jnp.sum(jnp.sin(field.control_points) * weights)
+
+
+@SLOW
+@pytest.mark.parametrize("sigma", [None, 0.2])
+def test_the_limit_is_differentiated_implicitly(sigma, rng):
+    """Against unrolling far beyond convergence, in forward and reverse mode."""
+    shape = (5, 6)
+    arguments = {
+        "values": rng.normal(size=shape),
+        "spacing": np.array([1.0, 1.3]),
+        "thin_plate_weight": np.array(0.1),
+        "coherence": np.array(1.2),
+    }
+    if sigma:
+        arguments["sigma"] = np.array(sigma)
+    arguments = {key: jnp.asarray(value) for key, value in arguments.items()}
+    limit = functools.partial(limit_loss, converge=1e-11, iterations=80)
+    unrolled = functools.partial(limit_loss, iterations=40)
+    value, implicit = jax.jit(jax.value_and_grad(limit))(arguments)
+    expected, explicit = jax.jit(jax.value_and_grad(unrolled))(arguments)
+    assert float(value) == pytest.approx(float(expected), rel=1e-9)
+    for key, leaf in explicit.items():
+        size = float(jnp.abs(leaf).max())
+        np.testing.assert_allclose(implicit[key], leaf, rtol=0, atol=1e-6 * size, err_msg=key)
+    directions = jax.tree.map(lambda leaf: jnp.asarray(rng.normal(size=leaf.shape)), arguments)
+    _, forward = jax.jit(lambda a, t: jax.jvp(limit, (a,), (t,)))(arguments, directions)
+    assert float(forward) == pytest.approx(inner(implicit, directions), rel=1e-8)
+
+
+def test_memory_of_the_limit_does_not_grow_with_iterations():
+    values = jnp.zeros((24, 24))
+
+    def needed(**settings):
+        def loss(values):
+            net = cf.fair_field(values, method=cf.GlobalFairing(**settings)).control_points
+            return jnp.sum(net**2)
+
+        compiled = jax.jit(jax.grad(loss)).lower(values).compile()
+        return compiled.memory_analysis().temp_size_in_bytes
+
+    few, many = (needed(converge=1e-6, iterations=k) for k in (5, 500))
+    assert many < 1.02 * few + 1e5
+
+
+def test_a_limit_that_is_not_reached_is_reported():
+    values = np.random.default_rng(0).normal(size=(5, 6))
+    with pytest.warns(UserWarning, match="raise iterations"):
+        field = cf.fair_field(values, method=cf.GlobalFairing(converge=1e-9, iterations=2))
+    assert not bool(field.report.converged)
+    with pytest.raises(ValueError, match="converge must be a real number above 0"):
+        cf.GlobalFairing(converge=0.0)
+    with pytest.raises(ValueError, match="iterations must be"):
+        cf.GlobalFairing(converge=1e-6, iterations=0)

@@ -183,8 +183,7 @@ class GlobalFairing(AbstractFairing):
         most = self.iterations + 1
 
         def step(state: tuple[Array, Array]) -> tuple[Array, Array]:
-            # The size is zero, but has to be a linear function of the state to be transposed.
-            dofs, stiffness, _ = improve((*state, 0 * state[1]), weight)[0]
+            dofs, stiffness, _ = improve((*state, jnp.zeros_like(state[1])), weight)[0]
             return dofs, stiffness
 
         def solve() -> tuple[tuple[Array, Array], tuple]:
@@ -207,10 +206,12 @@ class GlobalFairing(AbstractFairing):
             (dofs, stiffness, _), infos, _ = jax.lax.while_loop(
                 unfinished, advance, (frozen[0], infos, 0)
             )
-            return (dofs, stiffness), infos
+            # What is not differentiated has to be real all the same.
+            return (dofs, stiffness), jax.tree.map(lambda info: info.astype(dofs.dtype), infos)
 
         (dofs, _), infos = fixed_point(step, solve, start[:2], self.tolerance)
-        return dofs, infos
+        updates, steps, residuals = jax.lax.stop_gradient(infos)
+        return dofs, (updates, steps.astype(jnp.int32), residuals)
 
     def _trust(self, shape: tuple[int, ...], missing: Array, spread: Array) -> Array:
         """1 / sigma^2 of every sample in units of the spread; zero where nothing is known."""
@@ -286,9 +287,11 @@ class GlobalFairing(AbstractFairing):
             solution = solve_to(*system, jnp.zeros_like(near))
             return (solution.value, solution.size), (solution.steps, solution.residual)
 
+        right = -jnp.where(free, form.apply(weights, start), 0)
+        # To be transposed, the size has to be a linear function of all that the right side is.
         (value, size), info = jax.lax.custom_linear_solve(
             apply,
-            (-jnp.where(free, form.apply(weights, start), 0), size),
+            (right, size + 0 * right[0, 0]),
             solve,
             transpose_solve,
             symmetric=True,

@@ -269,6 +269,7 @@ def test_the_limit_is_differentiated_implicitly(sigma, rng):
     assert float(forward) == pytest.approx(inner(implicit, directions), rel=1e-8)
 
 
+@SLOW
 def test_memory_of_the_limit_does_not_grow_with_iterations():
     values = jnp.zeros((24, 24))
 

@@ -15,7 +15,8 @@ PYTEST := $(BIN)/python -m pytest
 # The fast tests run on all cores.  Most of their time is compilation: it is done without
 # optimisation and kept for the next run.  Threads of OpenBLAS would only wait for each other.
 # `test-slow` compiles as users do.
-FAST := $(PYTEST) -m "not slow and not data" --numprocesses auto --dist worksteal
+SPREAD := --numprocesses auto --dist worksteal
+FAST := $(PYTEST) -m "not slow and not data" $(SPREAD)
 QUICK := OPENBLAS_NUM_THREADS=1 XLA_FLAGS="$${XLA_FLAGS:-} --xla_backend_optimization_level=0" \
 	JAX_COMPILATION_CACHE_DIR=$(abspath $(VENV))/compiled \
 	JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.1
@@ -48,7 +49,7 @@ test: $(READY) ## The fast tests, with 64-bit types on, then those that must als
 	$(QUICK) JAX_ENABLE_X64=0 $(FAST)
 
 test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real data where it is there.
-	JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data"
+	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) --durations=15
 
 test-all: test test-slow ## All tests.
 

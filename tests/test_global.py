@@ -538,8 +538,10 @@ def test_structure_of_gentle_slopes_on_a_high_value(x64, rng):
     form = structure_form(jnp.ones(2), (5, 4))
     dofs = jnp.asarray(1e-5 * rng.normal(size=(4, 20)), jnp.ones(()).dtype)
     lifted = dofs.at[0].set(-0.5)
-    ours = np.asarray(form.densities(lifted))
-    expected = np.asarray(form.densities(lifted.at[0].set(0.0)))
+    ours, expected = (
+        np.asarray(form.densities(each)).reshape(3, 5, 4)[:, :-1, :-1]  # the last are no cells
+        for each in (lifted, lifted.at[0].set(0.0))
+    )
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
 
 

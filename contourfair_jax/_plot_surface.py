@@ -6,19 +6,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .isosurface import Isosurface
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.axes3d import Axes3D
 
-_COLOR = np.array([0.93, 0.86, 0.74])
+    from .isosurface import Isosurface
+
+_COLOR = (0.93, 0.86, 0.74)
 
 
 def draw_surface(
-    mesh: Isosurface, ax: Axes3D, elevation: float = 20.0, azimuth: float = -60.0
+    mesh: Isosurface,
+    ax: Axes3D,
+    elevation: float = 20.0,
+    azimuth: float = -60.0,
+    color: tuple[float, float, float] = _COLOR,
 ) -> None:
-    """Add a surface to 3-D axes, shaded by its normals, lit from the eye; axis 0 is up."""
+    """Add a surface to 3-D axes, shaded by its normals, lit from the eye; axis 0 is up.
+
+    The limits of the axes are set to those of the surface.
+    """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     up, around = np.radians(elevation), np.radians(azimuth)
@@ -31,7 +38,7 @@ def draw_surface(
     shade = 0.18 + 0.82 * np.abs(facing @ light)
     places = mesh.vertices[:, ::-1]
     drawn = Poly3DCollection(places[mesh.triangles], linewidths=0, antialiased=False)
-    drawn.set_facecolor(np.clip(shade[:, None] * _COLOR, 0, 1))
+    drawn.set_facecolor(np.clip(shade[:, None] * np.array(color), 0, 1))
     ax.add_collection3d(drawn)
     if len(places):
         low, high = places.min(0), places.max(0)

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ._bilinear import BilinearField as BilinearField
+from ._plot_surface import draw_surface as draw_surface
+from ._plot_surface import surface_figure as surface_figure
 from .io import InputError, replacing
 
 if TYPE_CHECKING:

@@ -49,7 +49,7 @@ def both_fields(samples, spacing):
 
 def panels(fields, levels, view, colors, tolerance):
     """Isosurfaces of every field, side by side."""
-    figure = Figure(figsize=(5.5 * len(fields), 6), layout="constrained")
+    figure = Figure(figsize=(5 * len(fields), 5), layout="constrained")
     for k, (name, field) in enumerate(fields.items()):
         ax = figure.add_subplot(1, len(fields), k + 1, projection="3d")
         for level, color in zip(levels, colors, strict=True):
@@ -59,7 +59,7 @@ def panels(fields, levels, view, colors, tolerance):
         low = np.asarray(field.origin)[::-1]
         high = low + (np.asarray(field.spacing) * (np.array(field.shape) - 1))[::-1]
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-        ax.set_box_aspect(high - low, zoom=1.25)
+        ax.set_box_aspect(high - low, zoom=1.5)
         ax.set_title(name)
     return figure
 
@@ -120,4 +120,4 @@ assert errors["fair"] < 0.6 * errors["linear"]
 
 fields["all samples"] = cf.fair_field(orbital, method=cf.GlobalFairing(iterations=0))
 signs = [(0.95, 0.62, 0.35), (0.45, 0.65, 0.9)]
-show(panels(fields, [0.04, -0.04], (25, -50), signs, 0.05), "volumes_orbital.png")
+show(panels(fields, [0.04, -0.04], (25, -50), signs, 0.01), "volumes_orbital.png")

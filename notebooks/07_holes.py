@@ -110,6 +110,7 @@ def discs(shape, places, radius):
 #
 # A corner of the map of Mount St Helens, 30 m apart. The map is turned against the grid, so wedges
 # at its border have no data. Six round voids of 11 samples across are cut out as well.
+# On terrain this rough, biharmonic inpainting is a little nearer to the truth than fairing.
 
 # %%
 terrain = DATA["st_helens"].astype(float)
@@ -132,8 +133,8 @@ show(figure, "holes_terrain.png")
 # ## Sea-surface temperature
 #
 # The western North Atlantic, every two degrees: land has no temperature of the sea. Filling it lets
-# contours run up to the coast without corners; they are veiled beyond it. Five discs of the sea are
-# taken out, as clouds would.
+# contours run up to the coast without corners; they are veiled beyond it. Eight discs of the sea
+# are taken out, as clouds would.
 
 # %%
 sst = DATA["sst"].astype(float)

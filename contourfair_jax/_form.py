@@ -66,6 +66,10 @@ class CellForm(eqx.Module):
         _, parts = jax.lax.scan(add, jnp.zeros_like(dofs[:, :last]), starts)
         return jnp.moveaxis(parts, 0, 1).reshape(len(dofs), -1)[:, :columns]
 
+    def forces(self, weights: Weights, dofs: Dofs) -> Dofs:
+        """`apply`, computed in place; its derivatives are those of `apply`."""
+        return _forces(self, weights, dofs)
+
     def densities(self, dofs: Dofs) -> Weights:
         """u(v)^T K_g u(v) for every cell and group, of a form in which constants do not count."""
         twos = len(dofs)
@@ -138,6 +142,17 @@ class CellForm(eqx.Module):
 
         results = jax.lax.map(jax.checkpoint(function), tuple(split(array) for array in arrays))
         return jnp.moveaxis(results, 0, 1).reshape(results.shape[1], -1)[:, :columns]
+
+
+@jax.custom_jvp
+def _forces(form: CellForm, weights: Weights, dofs: Dofs) -> Dofs:
+    return form.apply_in_place(weights, dofs)
+
+
+@_forces.defjvp
+def _(primals: tuple, tangents: tuple) -> tuple[Dofs, Dofs]:
+    _, tangent = jax.jvp(CellForm.apply, primals, tangents)
+    return _forces(*primals), tangent
 
 
 def _columns(array: Array, start: Array, size: int) -> Array:

@@ -287,7 +287,7 @@ class GlobalFairing(AbstractFairing):
             solution = solve_to(*system, jnp.zeros_like(near))
             return (solution.value, solution.size), (solution.steps, solution.residual)
 
-        right = -jnp.where(free, form.apply(weights, start), 0)
+        right = -jnp.where(free, form.forces(weights, start), 0)
         # To be transposed, the size has to be a linear function of all that the right side is.
         (value, size), info = jax.lax.custom_linear_solve(
             apply,

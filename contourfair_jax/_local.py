@@ -17,8 +17,10 @@ from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, solve_small
 from ._stencil import cut_windows, neighbourhoods, window_shape, window_starts
 
-# Memory for the systems of the vertices that are worked on together.
+# Memory for the systems of the vertices that are worked on together, and their least number: what
+# is done for a batch is vector operations as long as the batch, too slow when they are short.
 BATCH_BYTES = 4 * 2**20
+LEAST_BATCH = 128
 
 
 class LocalFairing(AbstractFairing):
@@ -155,4 +157,5 @@ def _batch_size(energy: LocalEnergy, dtype: jnp.dtype) -> int:
     """Vertices whose systems fit the memory set aside for a batch."""
     entries = sum(table.shape[0] for table in energy.matrix_tables)
     points = sum(table.shape[1] for table in energy.matrix_tables)
-    return max(16, BATCH_BYTES // ((3 * entries + 3 * points) * dtype.itemsize) // 16 * 16)
+    size = BATCH_BYTES // ((3 * entries + 3 * points) * dtype.itemsize)
+    return max(LEAST_BATCH, size // 16 * 16)

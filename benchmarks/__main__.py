@@ -20,6 +20,7 @@ from benchmarks import (
     engine,
     holes,
     inverse,
+    leaves,
     machine,
     memory,
     protocols,
@@ -27,6 +28,7 @@ from benchmarks import (
     reliability,
     report,
     robustness,
+    surfaces,
     table2,
     tiles,
 )
@@ -61,6 +63,8 @@ BENCHMARKS = {
     "inverse": Benchmark(
         inverse.run, inverse.tables, True, "Contours to DEM, missing slices, scattered points."
     ),
+    "surfaces": Benchmark(surfaces.run, surfaces.tables, True, "Isosurfaces of real volumes."),
+    "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),
     "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2."),
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
     "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from . import _check
 from ._global import GlobalFairing
@@ -19,26 +19,22 @@ from ._global import GlobalFairing
 CANDIDATES = (
     (1.0, 1, 0.0, 0.0),
     (1.0, 1, 0.0, 0.04),
-    (1.0, 1, 0.0, 0.12),
-    (1.0, 1, 20.0, 0.0),
     (1.0, 1, 300.0, 0.0),
     (0.3, 1, 0.0, 0.0),
     (0.3, 1, 20.0, 0.0),
-    (0.05, 1, 0.0, 0.0),
     (0.05, 1, 0.0, 0.12),
     (0.05, 1, 20.0, 0.0),
     (0.05, 1, 300.0, 0.0),
     (0.01, 2, 0.0, 0.0),
     (0.01, 2, 4.0, 0.0),
     (0.003, 2, 0.0, 0.0),
-    (0.003, 2, 80.0, 0.0),
     (0.003, 2, 300.0, 0.0),
 )
 COHERENCE = 1.2
 
 # Fits that are only compared need not be exact, but their errors have to be below those that are
 # compared: on smooth samples 1e-2 is not enough.
-TOLERANCE = 3e-4
+TOLERANCE = 1e-3
 MAX_STEPS = 200
 
 
@@ -50,9 +46,9 @@ def tune(
 ) -> GlobalFairing:
     """Choose the settings of `GlobalFairing` from the samples alone.
 
-    Drops each colour of a checkerboard of the samples in turn, fits the rest with every candidate
-    setting and compares at the dropped samples.  Returns the setting with the smallest mean square
-    error, with a small handicap for smoothness.  Deterministic; takes less than ten times as long
+    Drops one colour of a checkerboard of the samples, fits the rest with every candidate setting
+    and compares at the dropped samples.  Returns the setting with the smallest mean square error,
+    with a small handicap for smoothness.  Deterministic; takes less than ten times as long
     as one fit.
 
     Parameters
@@ -90,8 +86,12 @@ def tune(
     spacing = _check.check_per_axis(spacing, values.ndim, values.dtype, "spacing", positive=True)
     if isinstance(values, Tracer):
         raise ValueError("values must be known to choose settings; call tune outside jax.jit")
-    if int(jnp.sum(~jnp.isnan(values))) < 8:
+    known = ~jnp.isnan(values)
+    if int(jnp.sum(known)) < 8:
         raise ValueError("values must hold at least 8 samples that are not NaN to be tuned on")
+    # One colour ranks the settings as well as both do, for half the price.
+    odd = int(jnp.sum(known & _colours(values.shape).astype(bool)))
+    dropped = (int(4 * odd >= int(jnp.sum(known))),)
     errors = np.empty(len(CANDIDATES))
     kinds = [(sharpness, _iterations(weight)) for weight, sharpness, *_ in CANDIDATES]
     for kind in sorted(set(kinds)):
@@ -99,7 +99,7 @@ def tune(
         # What is smooth over the wide gaps of cross-validation need not be over the gaps between
         # all samples: smoothness s has to lower the error by more than s of it.
         settings = jnp.asarray([CANDIDATES[k] for k in rows], values.dtype)
-        errors[rows] = _errors(values, spacing, settings, kind) * (1 + settings[:, 3])
+        errors[rows] = _errors(values, spacing, settings, kind, dropped) * (1 + settings[:, 3])
     weight, sharpness, tension, smoothness = CANDIDATES[int(np.argmin(errors))]
     default = GlobalFairing()
     return GlobalFairing(
@@ -119,7 +119,10 @@ def _iterations(weight: float) -> int:
 
 
 def cross_validation_error(
-    method: GlobalFairing, values: Float[Array, "*shape"], spacing: Float[Array, " ndim"]
+    method: GlobalFairing,
+    values: Float[Array, "*shape"],
+    spacing: Float[Array, " ndim"],
+    colours: tuple[int, ...] = (0, 1),
 ) -> Float[Array, ""]:
     """Mean square error at the samples of either colour when the method is given the other.
 
@@ -130,8 +133,10 @@ def cross_validation_error(
     values : array, shape (n_1, ..., n_d)
         Samples; NaN is missing.
     spacing : array, shape (ndim,)
+    colours : tuple of int
+        Colours that are dropped, one after the other.
     """
-    colour = jnp.asarray(np.indices(values.shape).sum(axis=0) % 2)
+    colour = _colours(values.shape)
     known = ~jnp.isnan(values)
 
     def squares(dropped: Array) -> tuple[Array, Array]:
@@ -140,16 +145,22 @@ def cross_validation_error(
         difference = net[(slice(None, None, 3),) * values.ndim] - jnp.where(known, values, 0)
         return jnp.sum(jnp.where(judged, difference, 0) ** 2), jnp.sum(judged, dtype=values.dtype)
 
-    total, count = jax.lax.map(squares, jnp.arange(2))
+    total, count = jax.lax.map(squares, jnp.asarray(colours))
     return jnp.sum(total) / jnp.maximum(jnp.sum(count), 1)
 
 
-@partial(jax.jit, static_argnames="kind")
+def _colours(shape: tuple[int, ...]) -> Int[Array, "*shape"]:
+    """The checkerboard: 0 and 1."""
+    return jnp.asarray(np.indices(shape).sum(axis=0) % 2)
+
+
+@partial(jax.jit, static_argnames=("kind", "colours"))
 def _errors(
     values: Array,
     spacing: Array,
     settings: Float[Array, "candidates four"],
     kind: tuple[int, int],
+    colours: tuple[int, ...],
 ) -> Float[Array, " candidates"]:
     """Cross-validation errors of many settings, one after the other in one program."""
     sharpness, iterations = kind
@@ -165,6 +176,6 @@ def _errors(
             tolerance=TOLERANCE,
             max_steps=MAX_STEPS,
         )
-        return cross_validation_error(method, values, spacing)
+        return cross_validation_error(method, values, spacing, colours)
 
     return jax.lax.map(error, settings)

@@ -111,7 +111,8 @@ for what, change in (("all samples", uneven), (f"sample {tuple(map(int, most))}"
 
 # %% [markdown]
 # In three slices: the derivative with respect to every sample, and the outline of the surface.
-# Some samples outside count as negative, as a cubic through samples swings a little.
+# Some samples away from the surface count as negative, as a smooth field through samples swings a
+# little.
 
 # %%
 fine = np.asarray(fair(samples).refine(8))

@@ -40,6 +40,7 @@ from skimage.measure import find_contours
 
 import contourfair_jax as cf
 
+jax.config.update("jax_enable_x64", False)  # networks are trained in float32
 FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
 SIZE, FACTOR, NOISE = 10, 4, 0.03
 

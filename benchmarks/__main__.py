@@ -30,6 +30,7 @@ from benchmarks import (
     robustness,
     surfaces,
     table2,
+    targets,
     tiles,
 )
 from benchmarks.report import Result, Track
@@ -67,6 +68,7 @@ BENCHMARKS = {
     "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),
     "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2."),
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
+    "targets": Benchmark(targets.run, targets.tables, False, "Ratios to reach; --short."),
     "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),
     "tiles": Benchmark(tiles.run, tiles.tables, False, "Larger than memory; --size."),
     "reliability": Benchmark(
@@ -105,7 +107,7 @@ def _command(name: str, benchmark: Benchmark) -> None:
 
 
 for _name, _benchmark in BENCHMARKS.items():
-    if _name != "tiles":
+    if _name not in ("targets", "tiles"):
         _command(_name, _benchmark)
 
 
@@ -118,6 +120,15 @@ def run_tiles(
 ) -> None:
     """Refine a large grid in tiles."""
     _run_one("tiles", quiet, size=size, workers=workers, method=method)
+
+
+@app.command("targets", help=BENCHMARKS["targets"].about)
+def run_targets(
+    short: Annotated[bool, typer.Option(help="Small grids: two minutes.")] = False,
+    quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False,
+) -> None:
+    """Measure the ratios that the project wants to reach."""
+    _run_one("targets", quiet, short=short)
 
 
 @app.command("all")

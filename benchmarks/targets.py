@@ -1,0 +1,229 @@
+"""The project's targets of speed, each a ratio of two times taken in one run."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import interpax
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy import ndimage
+
+import contourfair_jax as cf
+from benchmarks import clock, machine, report
+from benchmarks.cost import waves
+from benchmarks.naive import fair_naively
+from benchmarks.report import Result, Track
+
+X64 = False
+POINTS = 1_000_000
+STARTED = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
+
+
+def _fair(shape: tuple[int, ...], method: Any) -> Callable[[], Any]:
+    values = jnp.asarray(waves(shape))
+    return lambda: cf.fair_field(values, method=method).control_points
+
+
+def _inner(shape: tuple[int, ...]) -> int:
+    return int(np.prod([n - 2 for n in shape]))
+
+
+def local_operations(ndim: int, iterations: int = 3, order: int = 4) -> float:
+    """Floating-point operations of local fairing per vertex, as the engine does it.
+
+    Products with the parity tables, gradients, forces and a symmetric elimination; what is done
+    point by point does not count.
+    """
+    fairing, every, pairs = 5**ndim - 3**ndim, 5**ndim, ndim * (ndim + 1) // 2
+    points = (2 * order) ** ndim
+    even_odd = [(3, 2)] * ndim  # functions of an axis that are even, odd
+    sizes = np.zeros(2**ndim, int)
+    for block in range(2**ndim):
+        digits = [block >> axis & 1 for axis in range(ndim)]
+        whole = np.prod([even_odd[axis][digit] for axis, digit in enumerate(digits)])
+        given = np.prod([(2, 1)[digit] for digit in digits])
+        sizes[block] = whole - given
+    entries = sum(
+        sizes[p] * sizes[p ^ both]
+        for both in range(2**ndim)
+        for p in range(2**ndim)
+        if p <= p ^ both
+    )
+    assembly = 2 * entries * pairs * order**ndim
+    gradients = 2 * ndim * points * every
+    right = 2 * pairs * points * (3**ndim + fairing)
+    return float(iterations * (assembly + gradients + right + fairing**3 / 3))
+
+
+def global_operations(ndim: int, steps: int, iterations: int = 3) -> float:
+    """Floating-point operations of global fairing per sample: products with cells' matrices.
+
+    Every iteration needs one for the right-hand side, one for the first residual and one for the
+    normals beside those of its steps.
+    """
+    return 2.0 * ndim * (ndim + 1) / 2 * 16.0**ndim * (steps + 3 * (iterations + 1))
+
+
+def local(shape: tuple[int, ...], peak: float, least: float) -> list[Result]:
+    """Against a straightforward program and against the roofline of its own operations."""
+    seconds = clock.median(_fair(shape, cf.LocalFairing()), 3)
+    lu = clock.median(_fair(shape, cf.LocalFairing(solver=cf.LU())), 3)
+    values = jnp.asarray(waves(shape))
+    naive = clock.median(lambda: fair_naively(values), 3)
+    floor = local_operations(len(shape)) * _inner(shape) / peak
+    name = f"local {_size(shape)}"
+    return [
+        _target(f"{name}: straightforward / engine", naive / seconds, least, "least"),
+        _target(f"{name}: with `LU()` / engine", lu / seconds, None, "least"),
+        _target(f"{name}: engine / roofline", seconds / floor, 3.0, "most"),
+    ]
+
+
+def whole(shape: tuple[int, ...], peak: float) -> tuple[float, Result]:
+    """Seconds of global fairing, and against the roofline of its own operations."""
+    method = cf.GlobalFairing(tolerance=1e-3)
+    steps = int(cf.fair_field(waves(shape), method=method).report.steps.sum())
+    seconds = clock.median(_fair(shape, method), 3)
+    floor = global_operations(len(shape), steps) * np.prod(shape) / peak
+    return seconds, _target(
+        f"global {_size(shape)}: engine / roofline", seconds / floor, 3.0, "most"
+    )
+
+
+def refine(shape: tuple[int, ...]) -> Result:
+    """`refine(4)` against linear zoom."""
+    field = cf.fair_field(waves(shape), method=cf.GlobalFairing(iterations=0))
+    ours = clock.median(eqx.Partial(eqx.filter_jit(lambda f: f.refine(4)), field), 5)
+    values = waves(shape)
+    zoom = clock.median(lambda: ndimage.zoom(values, 4, order=1, grid_mode=False), 3)
+    return _target(f"refine(4) of {_size(shape)}: engine / ndimage.zoom(1)", ours / zoom, 1, "most")
+
+
+def queries(shape: tuple[int, ...]) -> list[Result]:
+    """Value, gradient and Hessian at random points against the value alone of peers."""
+    ndim = len(shape)
+    field = cf.fair_field(waves(shape), method=cf.GlobalFairing(iterations=0))
+    points = np.random.default_rng(0).uniform(0, 1, (POINTS, ndim)) * (np.array(shape) - 1)
+    points = jnp.asarray(points, jnp.float32)
+    everything = eqx.filter_jit(lambda f, p: (f(p), f.gradient(p), f.hessian(p)))
+    ours = clock.median(lambda: everything(field, points), 3)
+    values, columns = waves(shape), np.asarray(points).T
+    spline = clock.median(lambda: ndimage.map_coordinates(values, columns, order=3), 1)
+    axes = [jnp.arange(n, dtype=jnp.float32) for n in shape]
+    function = {2: interpax.interp2d, 3: interpax.interp3d}[ndim]
+    peer = jax.jit(lambda v, *q: function(*q, *axes, v, method="cubic"))
+    theirs = clock.median(partial(peer, jnp.asarray(values), *points.T), 3)
+    name = f"10^6 values, gradients, Hessians in {ndim}-D: engine /"
+    return [
+        _target(f"{name} values of interpax cubic", ours / theirs, 1.0, "most"),
+        _target(f"{name} values of map_coordinates(3)", ours / spline, 1.0, "most"),
+    ]
+
+
+def reverse(shape: tuple[int, ...], method: Any, name: str) -> Result:
+    """Value and gradient of a loss in the samples against the value."""
+    values = jnp.asarray(waves(shape))
+
+    def loss(samples: jax.Array) -> jax.Array:
+        return jnp.sum(cf.fair_field(samples, method=method).control_points ** 2)
+
+    value = jax.jit(loss)
+    both = jax.jit(jax.value_and_grad(loss))
+    forward = clock.median(lambda: value(values), 3)
+    ratio = clock.median(lambda: both(values), 3) / forward - 1
+    return _target(f"{name} {_size(shape)}: reverse pass / forward", ratio, 3.0, "most")
+
+
+def compilation(shape: tuple[int, ...], method: Any, name: str) -> Result:
+    """Seconds to trace and compile."""
+    samples = jax.ShapeDtypeStruct(shape, jnp.float32)
+    start = time.perf_counter()
+    jax.jit(lambda v: cf.fair_field(v, method=method).control_points).lower(samples).compile()
+    seconds = time.perf_counter() - start
+    return _target(f"{name} {_size(shape)}: compile, s", seconds, 5.0, "most")
+
+
+def start_up() -> Result:
+    """Seconds of the import above JAX's own."""
+
+    def seconds(module: str) -> float:
+        command = [sys.executable, "-c", STARTED.format(module)]
+        runs = [subprocess.run(command, capture_output=True, check=True) for _ in range(3)]
+        return min(float(run.stdout) for run in runs)
+
+    extra = seconds("contourfair_jax") - seconds("jax")
+    return _target("import above JAX's own, s", extra, 1.0, "most")
+
+
+def run(track: Track = report.silent, short: bool = False) -> Result:
+    """All targets; `short` takes small grids, whose ratios say less."""
+    peak = 1e9 * machine.run()["peak_gflops"]
+    plane, volume = ((256, 256), (24,) * 3) if short else ((1024, 1024), (64,) * 3)
+    few, many = ((256, 256), (512, 512)) if short else ((512, 512), (2048, 2048))
+
+    def planar() -> list[Result]:
+        seconds, roofline = whole(plane, peak)
+        values = waves(plane)
+        zoom = clock.median(lambda: ndimage.zoom(values, 4, order=3), 3)
+        name = f"global {_size(plane)}: engine / ndimage.zoom(3) by 4"
+        return [_target(name, seconds / zoom, 2.0, "most"), roofline]
+
+    def linear(method: Any, name: str) -> list[Result]:
+        each = [clock.median(_fair(s, method), 3) / np.prod(s) for s in (few, many)]
+        text = f"{name}: per sample, {_size(many)} / {_size(few)}"
+        return [_target(text, each[1] / each[0], 1.15, "most")]
+
+    local_method, global_method = cf.LocalFairing(), cf.GlobalFairing()
+    jobs: list[Callable[[], list[Result]]] = [
+        lambda: local(plane, peak, 5.0),
+        lambda: local((16,) * 3 if short else (24,) * 3, peak, 8.0),
+        planar,
+        lambda: [whole(volume, peak)[1]],
+        lambda: [refine(plane), refine(volume)],
+        lambda: queries(plane),
+        lambda: queries(volume),
+        lambda: linear(local_method, "local"),
+        lambda: linear(global_method, "global"),
+        lambda: [reverse((128, 128) if short else (512, 512), local_method, "local")],
+        lambda: [reverse((128, 128) if short else (512, 512), global_method, "global")],
+        lambda: [reverse((16,) * 3 if short else (48,) * 3, global_method, "global")],
+        lambda: [compilation(s, local_method, "local") for s in (many, volume)],
+        lambda: [compilation(s, global_method, "global") for s in (many, volume)],
+        lambda: [start_up()],
+    ]
+    return {"short": short, "rows": [row for job in track(jobs, "targets") for row in job()]}
+
+
+def _target(name: str, measured: float, limit: float | None, kind: str) -> Result:
+    reached = limit is None or (measured >= limit if kind == "least" else measured <= limit)
+    return {"target": name, "measured": measured, kind: limit, "reached": bool(reached)}
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    return "×".join(map(str, shape))
+
+
+def tables(result: Result) -> dict[str, str]:
+    """Measured, asked for, and whether it is reached."""
+
+    def asked(row: Result) -> str | None:
+        if row.get("least") is not None:
+            return f"≥ {row['least']:g}"
+        return f"≤ {row['most']:g}" if row.get("most") is not None else None
+
+    rows = [
+        [
+            row["target"],
+            f"{row['measured']:.3g}",
+            asked(row),
+            None if asked(row) is None else ("yes" if row["reached"] else "no"),
+        ]
+        for row in result["rows"]
+    ]
+    return {"targets": report.table(["target", "measured", "asked", "reached"], rows)}

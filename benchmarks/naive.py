@@ -64,7 +64,7 @@ def fair_naively(
     ndim, dtype = values.ndim, values.dtype
     given, free = _split(ndim)
     first, second, weights, to_bezier = (jnp.asarray(t, dtype) for t in _tables(ndim, order))
-    flat = 1e-6
+    unit, flat = jnp.eye(ndim, dtype=dtype), 1e-6
 
     def one(samples: Array) -> Array:
         coefficients = jnp.zeros(5**ndim, dtype).at[given].set(samples)
@@ -74,7 +74,7 @@ def fair_naively(
             gradient = jnp.einsum("apn,n->pa", first, coefficients)
             squared = jnp.sum(gradient**2, axis=1) + (flat * spread) ** 2 + 1e-30
             normal = gradient[:, :, None] * gradient[:, None] / squared[:, None, None]
-            tensor = weights[:, None, None] * (jnp.eye(ndim, dtype=dtype) - share * normal)
+            tensor = weights[:, None, None] * (unit[None] - share * normal)
             stress = jnp.einsum("pab,bcpn->acpn", tensor, second)
             matrix = jnp.einsum("acpn,acpm->nm", second[..., free], stress)
             rhs = -matrix[:, given] @ samples

@@ -1,11 +1,21 @@
-"""The benchmarks' own arithmetic: fields, alignment of the peers, metrics, tables, rectangles."""
+"""The benchmarks' own arithmetic: fields, alignment of the peers, metrics, tables, rectangles.
+
+And the ratios of times that must not get worse: against a straightforward program, against SciPy.
+"""
 
 import json
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from benchmarks import data, fields, metrics, peers, report
+import contourfair_jax as cf
+from benchmarks import clock, data, fields, metrics, peers, report
+from benchmarks.cost import waves
+from benchmarks.naive import fair_naively
 
 EXACT = {**peers.SPLINES, **peers.OTHER_ENDS}
 REFERENCE = {
@@ -163,3 +173,26 @@ def test_real_fields_load(name):
     assert np.isfinite(field.values).all()
     assert field.values.ndim == len(field.spacing) == (2 if name in data.PLANE else 3)
     assert min(field.values.shape) >= 21
+
+
+@pytest.mark.parametrize("shape", [(7, 6), (4, 3, 5)])
+def test_the_straightforward_program_is_local_fairing(shape):
+    values = jnp.asarray(waves(shape))
+    net = cf.fair_field(values).control_points
+    np.testing.assert_allclose(fair_naively(values), net, atol=2e-5)
+
+
+@pytest.mark.slow
+def test_local_fairing_stays_ahead_of_a_straightforward_program():
+    values = jnp.asarray(waves((64, 64)))
+    naive = partial(fair_naively.lower(values).compile(), values)
+    fair = jax.jit(lambda v: cf.fair_field(v).control_points).lower(values).compile()
+    assert clock.median(naive, 3) > 2 * clock.median(partial(fair, values), 3)
+
+
+@pytest.mark.slow
+def test_global_fairing_keeps_up_with_a_cubic_zoom():
+    values = waves((512, 512))
+    fair = jax.jit(lambda v: cf.fair_field(v, method=cf.GlobalFairing(tolerance=1e-3)))
+    fair = partial(fair.lower(jnp.asarray(values)).compile(), jnp.asarray(values))
+    assert clock.median(fair, 5) < 8 * clock.median(lambda: ndimage.zoom(values, 4, order=3), 3)

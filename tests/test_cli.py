@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rasterio
+from matplotlib.figure import Figure
 from PIL import Image
 from rasterio.transform import Affine
 
@@ -26,6 +27,7 @@ from contourfair_jax._trace import (
 )
 from contourfair_jax._window import busiest_window
 from contourfair_jax.io import Grid, InputError, read, write
+from contourfair_jax.isosurface import Isosurface
 
 # One shape for most tests, so that the engine is compiled once.
 SHAPE = (9, 11)
@@ -264,6 +266,25 @@ def test_plot_contours_draws_what_it_is_given():
     assert upward.get_ylim() == (100.0, 340.0)
     assert not upward.images
     assert not upward.collections
+
+
+def test_draw_surface_shades_by_the_angle_to_the_light():
+    corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 2.0], [3.0, 0.0, 0.0]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    upwards = np.tile([1.0, 0.0, 0.0], (4, 1))  # axis 0 is up
+    flat = np.zeros(4)
+    mesh = Isosurface(0.5, corners, triangles, upwards, flat, flat, 0, ())
+    colors = {}
+    for elevation in (0.0, 89.0):
+        ax = Figure().add_subplot(projection="3d")
+        plot.draw_surface(mesh, ax, elevation, color=(1.0, 0.5, 0.25))
+        (drawn,) = ax.collections
+        colors[elevation] = drawn.get_facecolor()
+        assert ax.get_xlim() == (0, 2)
+        assert ax.get_ylim() == (0, 1)
+        assert ax.get_zlim() == (0, 3)
+    assert np.allclose(colors[89.0][:, 1:3] / colors[89.0][:, :1], [0.5, 0.25])
+    assert (colors[89.0][:, 0] > 1.5 * colors[0.0][:, 0]).all()
 
 
 def test_plots_refuse_what_cannot_be_drawn(tmp_path):

@@ -75,7 +75,9 @@ def _options_of_all(
 ) -> None:
     """Smooth fields with fair contours from samples on a grid: they pass through every sample.
 
-    Files: .npy, .npz, .png, and .tif (GeoTIFF with the extra [cyan]geotiff[/]).
+    Files: .npy, .npz, .png and .tif; with extras GeoTIFF and USGS DEM ([cyan]geotiff[/]), NetCDF
+    ([cyan]netcdf[/]), Zarr ([cyan]zarr[/]), NIfTI, NRRD, MetaImage and DICOM ([cyan]medical[/]), and
+    VTK ([cyan]vtk[/]).
     """
 
 

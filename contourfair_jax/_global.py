@@ -20,18 +20,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from . import _check
-from ._cg import Solution, conjugate_gradients
 from ._energy import FLAT
 from ._fixed_point import fixed_point
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cells_to_row, row_to_cells, to_net
+from ._least_energy import LinearSystem, Precision, save_solutions, solve
 from ._limit import limit_slopes
 from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
-from ._multilevel import coarse_correction, has_wide_holes
+from ._multilevel import has_wide_holes
 from ._normals import LARGEST_COHERENCE, coherent_normals
 
 
@@ -143,12 +143,13 @@ class GlobalFairing(AbstractFairing):
         structure = structure_form(spacing, shape)
         trust = self._trust(shape, missing, spread)
 
-        @partial(jax.checkpoint, prevent_cse=False, policy=_save_solutions)
+        @partial(jax.checkpoint, prevent_cse=False, policy=save_solutions)
         def improve(state: tuple[Array, Array, Array], weight: Array) -> tuple[tuple, tuple]:
             dofs, stiffness, size = state
             weights = self._weights(structure, dofs, weight)
             pins = stiffness * trust
-            solution = self._solve(energy, weights, start, free, pins, dofs, size)
+            system = LinearSystem(energy, weights, start, free, pins)
+            solution = solve(system, dofs, size, self._precision())
             update = jnp.max(jnp.abs(solution.value - dofs))
             # Where samples pull hard the mean square goes with stiffness^-2, else it is slower.
             deviation = jnp.sum(trust * (solution.value[0] - start[0]) ** 2)
@@ -213,6 +214,9 @@ class GlobalFairing(AbstractFairing):
         updates, steps, residuals = jax.lax.stop_gradient(infos)
         return dofs, (updates, steps.astype(jnp.int32), residuals)
 
+    def _precision(self) -> Precision:
+        return Precision(self.tolerance, self.max_steps, bool(self.coarse_grids))
+
     def _trust(self, shape: tuple[int, ...], missing: Array, spread: Array) -> Array:
         """1 / sigma^2 of every sample in units of the spread; zero where nothing is known."""
         if self.sigma is None:
@@ -233,72 +237,6 @@ class GlobalFairing(AbstractFairing):
         if self.cell_weights is None:
             return weights
         return weights * cells_to_row(jnp.asarray(self.cell_weights, dofs.dtype))[None]
-
-    def _solve(
-        self,
-        form: CellForm,
-        weights: Array,
-        start: Array,
-        free: Bool[Array, "twos vertices"],
-        pins: Float[Array, " vertices"],
-        guess: Array,
-        size: Float[Array, ""],
-    ) -> Solution:
-        """Least energy over what is free, the rest as in `start`.
-
-        `pins` are springs that hold the values to those of `start`.
-
-        Differentiated as a linear solve: its derivatives are solves with the same matrix, whatever
-        the number of steps.  In reverse mode the solves of earlier iterations have ever smaller
-        right-hand sides, and need not be more exact than the last one, which comes first.  So a
-        number beside the unknowns, zero but in the transposed solves, hands down its size.
-        """
-        frozen = jax.lax.stop_gradient((form, weights, pins))
-        near = jax.lax.stop_gradient(jnp.where(free, guess - start, 0))
-
-        def apply(system: tuple[Array, Array]) -> tuple[Array, Array]:
-            x, size = system
-            return jnp.where(free, form.apply(weights, x).at[0].add(pins * x[0]), 0), size
-
-        def apply_in_place(x: Array) -> Array:
-            image = frozen[0].apply_in_place(frozen[1], x)
-            return jnp.where(free, image.at[0].add(frozen[2] * x[0]), 0)
-
-        def solve_to(rhs: Array, size: Array, guess: Array) -> Solution:
-            inverse = frozen[0].inverse_blocks(*frozen[1:], free)
-
-            def precondition(x: Array) -> Array:
-                own = jnp.sum(inverse * x[None], axis=1)
-                if not self.coarse_grids:
-                    return own
-                holes = (free[0] & (frozen[2] == 0)).reshape(form.shape)
-                return jnp.where(free, own + coarse_correction(frozen[0], holes, x), 0)
-
-            return conjugate_gradients(
-                apply_in_place, rhs, guess, precondition, self.tolerance, self.max_steps, size
-            )
-
-        def solve(_, system: tuple[Array, Array]) -> tuple[tuple, tuple]:
-            rhs, size = system
-            solution = solve_to(rhs, jnp.zeros_like(size), near)
-            return (solution.value, size), (solution.steps, solution.residual)
-
-        def transpose_solve(_, system: tuple[Array, Array]) -> tuple[tuple, tuple]:
-            solution = solve_to(*system, jnp.zeros_like(near))
-            return (solution.value, solution.size), (solution.steps, solution.residual)
-
-        right = -jnp.where(free, form.forces(weights, start), 0)
-        # To be transposed, the size has to be a linear function of all that the right side is.
-        (value, size), info = jax.lax.custom_linear_solve(
-            apply,
-            (right, size + 0 * right[0, 0]),
-            solve,
-            transpose_solve,
-            symmetric=True,
-            has_aux=True,
-        )
-        steps, residual = info
-        return Solution(start + value, steps, residual, size)
 
     def prepare(self, values):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)
@@ -332,11 +270,6 @@ class GlobalFairing(AbstractFairing):
                 "max_steps or thin_plate_weight, or allow a larger tolerance"
             )
         warnings.warn(message, UserWarning, stacklevel=3)
-
-
-def _save_solutions(primitive, *_, **__) -> bool:
-    """In reverse mode keep the solutions of the linear systems and compute the rest again."""
-    return primitive is jax.lax.linear_solve_p
 
 
 def _normalise(values: Array, missing: Array) -> tuple[Array, Array, Array]:

@@ -75,9 +75,9 @@ def _options_of_all(
 ) -> None:
     """Smooth fields with fair contours from samples on a grid: they pass through every sample.
 
-    Files: .npy, .npz, .png and .tif; with extras GeoTIFF and USGS DEM ([cyan]geotiff[/]), NetCDF
-    ([cyan]netcdf[/]), Zarr ([cyan]zarr[/]), NIfTI, NRRD, MetaImage and DICOM ([cyan]medical[/]), and
-    VTK ([cyan]vtk[/]).
+    Files: .npy, .npz, .png and .tif; with extras GeoTIFF and USGS DEM ([cyan]geotiff[/]),
+    NetCDF ([cyan]netcdf[/]), Zarr ([cyan]zarr[/]), VTK ([cyan]vtk[/]), and NIfTI, NRRD, MetaImage
+    and DICOM ([cyan]medical[/]).
     """
 
 

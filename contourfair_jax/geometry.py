@@ -9,10 +9,14 @@ with df(x) the change of the field at a place that is held.  `level_points` give
 derivative, in forward and reverse mode and to any order, and the measures are sums over them.  They
 compose with `fair_field`: to the samples, the spacing, the origin and the settings.
 
-Derivatives of area and volume are those of the continuous measures to the accuracy of the polygons,
-such as `d area / d level = - integral of ds / |g|`.  Where the gradient vanishes the level set has
-no derivative; zero is put there.  Bending has Hessians in it, which jump between cells: it is
-continuous almost everywhere only, and its derivative leaves the jumps out.
+Derivatives of area and volume are those of the continuous measures to the accuracy of the
+polygons, such as `d area / d level = - integral of ds / |g|`.  That needs polygons that resolve the
+level set: on a surface with features of a voxel's size the derivative of the volume was a quarter
+too small.  Mesh with a smaller `tolerance` there, and compare with a difference.
+
+Where the gradient vanishes the level set has no derivative; zero is put there.  Bending has
+Hessians in it, which jump between cells: it is continuous almost everywhere only, and its
+derivative leaves the jumps out.
 """
 
 from collections.abc import Sequence

@@ -82,7 +82,6 @@ class LocalFairing(AbstractFairing):
         thin_plate = _thin_plate_operator(energy)
         window = window_shape(shape)
 
-        @jax.checkpoint
         def fair(samples: Float[Array, "*window_2"]) -> Float[Array, "*window_net"]:
             patches = self._patches(energy, thin_plate, neighbourhoods(samples))
             return scatter_patches(patches, samples.shape)

@@ -201,7 +201,8 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
         lambda: [compilation(s, global_method, "global") for s in (many, volume)],
         lambda: [start_up()],
     ]
-    return {"short": short, "rows": [row for job in track(jobs, "targets") for row in job()]}
+    rows = [row for job in track(jobs, "targets") for row in job()]
+    return {"short": short, "peak_gflops": peak / 1e9, "rows": rows}
 
 
 def _target(name: str, measured: float, limit: float | None, kind: str) -> Result:

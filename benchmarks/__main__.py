@@ -87,16 +87,19 @@ def _tracker(quiet: bool) -> Iterator[Track]:
         yield track
 
 
-def _run_one(name: str, quiet: bool, **options: Any) -> None:
+def _run_one(name: str, quiet: bool, store: bool = True, **options: Any) -> None:
     benchmark = BENCHMARKS[name]
     engine.use_x64(benchmark.x64)
     with _tracker(quiet) as track:
-        path = report.save(name, benchmark.run(track, **options))
+        result = benchmark.run(track, **options)
+    path = report.save(name, result) if store else None
     if not quiet:
-        stored = report.load(name) or {}
-        for title, table in benchmark.tables(stored).items():
+        if path is not None:
+            result = report.load(name) or {}
+        for title, table in benchmark.tables(result).items():
             Console().print(Markdown(f"**{title}**\n\n{table}"))
-        typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
+        if path is not None:
+            typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
 
 
 def _command(name: str, benchmark: Benchmark) -> None:
@@ -124,11 +127,11 @@ def run_tiles(
 
 @app.command("targets", help=BENCHMARKS["targets"].about)
 def run_targets(
-    short: Annotated[bool, typer.Option(help="Small grids: two minutes.")] = False,
+    short: Annotated[bool, typer.Option(help="Small grids; nothing is stored.")] = False,
     quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False,
 ) -> None:
     """Measure the ratios that the project wants to reach."""
-    _run_one("targets", quiet, short=short)
+    _run_one("targets", quiet, store=not short, short=short)
 
 
 @app.command("all")

@@ -237,7 +237,7 @@ def tables(result: Result) -> dict[str, str]:
     real = [
         [
             f"{row['field']}, {row['levels']}",
-            "×".join(map(str, row["shape"])),
+            report.size(row["shape"]),
             row["lines"],
             row["vertices"],
             row["crossings"],

@@ -127,7 +127,7 @@ def tables(result: Result) -> dict[str, str]:
     rows = [
         [
             r["method"],
-            "×".join(map(str, r["shape"])),
+            report.size(r["shape"]),
             f"{r['compile_s']:.1f}",
             f"{r['build_s']:.3g}",
             f"{r['build_us_per_vertex']:.2f}",

@@ -2,11 +2,9 @@
 
 import time
 
-import jax.numpy as jnp
 import numpy as np
 
-import contourfair_jax as cf
-from benchmarks import data, report
+from benchmarks import data, engine, report
 from benchmarks.data import RealField
 from benchmarks.report import Result, Track
 from contourfair_jax.adaptive import uniform_error
@@ -19,9 +17,7 @@ VOLUMES = ("nucleon", "hydrogen orbital", "benzene orbital")
 
 def score(field: RealField) -> Result:
     """The error of cells halved `DEPTH` times, and the leaves that are proved to have no more."""
-    fair = cf.fair_field(
-        jnp.asarray(field.values), spacing=field.spacing, method=cf.GlobalFairing()
-    )
+    fair = engine.field(field.values, field.spacing, engine.DEFAULT)
     depth = DEPTH[field.values.ndim]
     error = uniform_error(fair, depth)
     start = time.perf_counter()
@@ -52,7 +48,7 @@ def tables(result: Result) -> dict[str, str]:
     rows = [
         [
             name,
-            "×".join(map(str, row["shape"])),
+            report.size(row["shape"]),
             f"{row['error']:.1e}",
             row["uniform"],
             row["leaves"],

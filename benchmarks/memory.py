@@ -69,7 +69,7 @@ def tables(result: Result) -> dict[str, str]:
     rows = [
         [
             r["method"],
-            "×".join(map(str, r["shape"])),
+            report.size(r["shape"]),
             f"{r['inputs_outputs_bytes'] / 2**20:.0f}",
             f"{r['above_bytes'] / 2**20:.0f}",
             f"{r['first_call_s']:.1f}",

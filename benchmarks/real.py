@@ -87,7 +87,7 @@ def tables(result: Result) -> dict[str, str]:
     rows: list[list[object]] = []
     for name, row in result["fields"].items():
         peer, best = best_peer(row["methods"])
-        size = "×".join(map(str, row["shape"]))
+        size = report.size(row["shape"])
         gained = [f"{gains(result, n)[name]:+.2f}" for n in ours]
         rows.append([name, size, peer, f"{best:.2f}", *gained])
     for label, reduce in (("mean", np.mean), ("worst", np.min)):

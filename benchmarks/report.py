@@ -83,6 +83,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join(lines)
 
 
+def size(shape: Iterable[int]) -> str:
+    """The shape of a grid, as 64×64."""
+    return "×".join(map(str, shape))
+
+
 def figure(value: float | None, digits: int = 4) -> str | None:
     """Fixed digits without the leading zero, as .0123."""
     if value is None:

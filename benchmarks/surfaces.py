@@ -2,11 +2,10 @@
 
 import time
 
-import jax.numpy as jnp
 import numpy as np
 
 import contourfair_jax as cf
-from benchmarks import data, report
+from benchmarks import data, engine, report
 from benchmarks.data import RealField
 from benchmarks.report import Result, Track
 from contourfair_jax._split import edges_of
@@ -27,9 +26,7 @@ def _open_edges(mesh: "cf.Isosurface", upper: np.ndarray) -> int:
 
 def score(field: RealField) -> list[Result]:
     """One row per level: shares of the range of the samples."""
-    fair = cf.fair_field(
-        jnp.asarray(field.values), spacing=field.spacing, method=cf.GlobalFairing()
-    )
+    fair = engine.field(field.values, field.spacing, engine.DEFAULT)
     upper = (np.array(field.values.shape) - 1) * np.array(field.spacing)
     rows = []
     for share in SHARES:
@@ -65,7 +62,7 @@ def tables(result: Result) -> dict[str, str]:
     rows = [
         [
             row["volume"],
-            "×".join(map(str, row["shape"])),
+            report.size(row["shape"]),
             f"{100 * row['share']:.0f} %",
             row["triangles"],
             row["euler"],

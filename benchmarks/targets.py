@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import equinox as eqx
-import interpax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,16 +15,16 @@ from scipy import ndimage
 
 import contourfair_jax as cf
 from benchmarks import clock, machine, report
-from benchmarks.cost import waves
+from benchmarks.cost import sample_gradient, waves
 from benchmarks.naive import fair_naively
-from benchmarks.report import Result, Track
+from benchmarks.report import Result, Track, size
 
 X64 = False
 POINTS = 1_000_000
 STARTED = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
 
 
-def _fair(shape: tuple[int, ...], method: Any) -> Callable[[], Any]:
+def fairing(shape: tuple[int, ...], method: Any) -> Callable[[], Any]:
     """Compiled fairing, which is not part of what is timed."""
     values = jnp.asarray(waves(shape))
     program = jax.jit(lambda v: cf.fair_field(v, method=method).control_points)
@@ -74,12 +73,12 @@ def global_operations(ndim: int, steps: int, iterations: int = 3) -> float:
 
 def local(shape: tuple[int, ...], peak: float, least: float) -> list[Result]:
     """Against a straightforward program and against the roofline of its own operations."""
-    seconds = clock.median(_fair(shape, cf.LocalFairing()), 3)
-    lu = clock.median(_fair(shape, cf.LocalFairing(solver=cf.LU())), 3)
+    seconds = clock.median(fairing(shape, cf.LocalFairing()), 3)
+    lu = clock.median(fairing(shape, cf.LocalFairing(solver=cf.LU())), 3)
     values = jnp.asarray(waves(shape))
     naive = clock.median(partial(fair_naively.lower(values).compile(), values), 3)
     floor = local_operations(len(shape)) * _inner(shape) / peak
-    name = f"local {_size(shape)}"
+    name = f"local {size(shape)}"
     return [
         _target(f"{name}: straightforward / engine", naive / seconds, least, "least"),
         _target(f"{name}: with `LU()` / engine", lu / seconds, None, "least"),
@@ -93,10 +92,10 @@ def whole(shape: tuple[int, ...], peak: float) -> tuple[float, Result]:
     fitted = cf.fair_field(waves(shape), method=method).report
     assert fitted is not None
     steps = int(fitted.steps.sum())
-    seconds = clock.median(_fair(shape, method), 3)
+    seconds = clock.median(fairing(shape, method), 3)
     floor = global_operations(len(shape), steps) * np.prod(shape) / peak
     return seconds, _target(
-        f"global {_size(shape)}: engine / roofline", seconds / floor, 3.0, "most"
+        f"global {size(shape)}: engine / roofline", seconds / floor, 3.0, "most"
     )
 
 
@@ -106,11 +105,13 @@ def refine(shape: tuple[int, ...]) -> Result:
     ours = clock.median(eqx.Partial(eqx.filter_jit(lambda f: f.refine(4)), field), 5)
     values = waves(shape)
     zoom = clock.median(lambda: ndimage.zoom(values, 4, order=1, grid_mode=False), 3)
-    return _target(f"refine(4) of {_size(shape)}: engine / ndimage.zoom(1)", ours / zoom, 1, "most")
+    return _target(f"refine(4) of {size(shape)}: engine / ndimage.zoom(1)", ours / zoom, 1, "most")
 
 
 def queries(shape: tuple[int, ...]) -> list[Result]:
     """Value, gradient and Hessian at random points against the value alone of peers."""
+    import interpax
+
     ndim = len(shape)
     field = cf.fair_field(waves(shape), method=cf.GlobalFairing(iterations=0))
     points = np.random.default_rng(0).uniform(0, 1, (POINTS, ndim)) * (np.array(shape) - 1)
@@ -131,17 +132,10 @@ def queries(shape: tuple[int, ...]) -> list[Result]:
 
 
 def reverse(shape: tuple[int, ...], method: Any, name: str) -> Result:
-    """Value and gradient of a loss in the samples against the value."""
-    values = jnp.asarray(waves(shape))
-
-    def loss(samples: jax.Array) -> jax.Array:
-        return jnp.sum(cf.fair_field(samples, method=method).control_points ** 2)
-
-    value = jax.jit(loss)
-    both = jax.jit(jax.value_and_grad(loss))
-    forward = clock.median(lambda: value(values), 3)
-    ratio = clock.median(lambda: both(values), 3) / forward - 1
-    return _target(f"{name} {_size(shape)}: reverse pass / forward", ratio, 3.0, "most")
+    """What the gradient of a loss in the samples takes beyond the fairing."""
+    forward = clock.median(fairing(shape, method), 3)
+    ratio = sample_gradient(shape, lambda: method) / forward - 1
+    return _target(f"{name} {size(shape)}: reverse pass / forward", ratio, 3.0, "most")
 
 
 def compilation(shape: tuple[int, ...], method: Any, name: str) -> Result:
@@ -150,7 +144,7 @@ def compilation(shape: tuple[int, ...], method: Any, name: str) -> Result:
     start = time.perf_counter()
     jax.jit(lambda v: cf.fair_field(v, method=method).control_points).lower(samples).compile()
     seconds = time.perf_counter() - start
-    return _target(f"{name} {_size(shape)}: compile, s", seconds, 5.0, "most")
+    return _target(f"{name} {size(shape)}: compile, s", seconds, 5.0, "most")
 
 
 def start_up() -> Result:
@@ -175,12 +169,12 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
         seconds, roofline = whole(plane, peak)
         values = waves(plane)
         zoom = clock.median(lambda: ndimage.zoom(values, 4, order=3), 3)
-        name = f"global {_size(plane)}: engine / ndimage.zoom(3) by 4"
+        name = f"global {size(plane)}: engine / ndimage.zoom(3) by 4"
         return [_target(name, seconds / zoom, 2.0, "most"), roofline]
 
     def linear(method: Any, name: str) -> list[Result]:
-        each = [clock.median(_fair(s, method), 3) / np.prod(s) for s in (few, many)]
-        text = f"{name}: per sample, {_size(many)} / {_size(few)}"
+        each = [clock.median(fairing(s, method), 3) / np.prod(s) for s in (few, many)]
+        text = f"{name}: per sample, {size(many)} / {size(few)}"
         return [_target(text, each[1] / each[0], 1.15, "most")]
 
     local_method, global_method = cf.LocalFairing(), cf.GlobalFairing()
@@ -208,10 +202,6 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
 def _target(name: str, measured: float, limit: float | None, kind: str) -> Result:
     reached = limit is None or (measured >= limit if kind == "least" else measured <= limit)
     return {"target": name, "measured": measured, kind: limit, "reached": bool(reached)}
-
-
-def _size(shape: tuple[int, ...]) -> str:
-    return "×".join(map(str, shape))
 
 
 def tables(result: Result) -> dict[str, str]:

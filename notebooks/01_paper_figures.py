@@ -21,22 +21,16 @@
 # stores the pictures.
 
 # %%
-import io
-import os
-from pathlib import Path
-
+import figures
 import jax
 import numpy as np
-import PIL.Image
 from contourpy import contour_generator
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 
 import contourfair_jax as cf
 from contourfair_jax.plot import BilinearField, compare_figure, plot_contours
 
 jax.config.update("jax_enable_x64", True)
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
 
 
 def faired(values, iterations):
@@ -53,17 +47,6 @@ def lines(field, level, refine=16):
     """The contours at a level, as arrays of points in sample numbers."""
     traced = contour_generator(z=np.asarray(field.refine(refine))).lines(level)
     return [np.asarray(line) / refine for line in traced]
-
-
-def show(figure, name):
-    """Display a figure, and store it where asked."""
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=70, bbox_inches="tight")
-    PIL.Image.open(drawn).convert("RGB").quantize(128).save(small, format="png", optimize=True)
-    if FOLDER:
-        Path(FOLDER).mkdir(parents=True, exist_ok=True)
-        (Path(FOLDER) / name).write_bytes(small.getvalue())
-    display(Image(small.getvalue()))
 
 
 # %% [markdown]
@@ -86,7 +69,7 @@ fields = {
 levels = inner_levels(bar)
 counts = {name: sum(len(lines(f, at)) for at in levels) for name, f in fields.items()}
 titled = {f"{name}: {counts[name]} contours": field for name, field in fields.items()}
-show(compare_figure(titled, levels), "figure_01.png")
+figures.show(compare_figure(titled, levels), "figure_01.png", dpi=70, crop=True)
 
 # %%
 bilinear_count, plate_count, fair_count = counts.values()
@@ -120,7 +103,7 @@ for row, (name, values) in enumerate(situations.items()):
         ax = figure.add_subplot(2, 4, 4 * row + column + 1)
         plot_contours(field, inner_levels(values), ax=ax, limits=(0.0, 1.0), title=title)
         ax.set_axis_off()
-show(figure, "figure_09.png")
+figures.show(figure, "figure_09.png", dpi=70, crop=True)
 
 # %%
 for name in situations:
@@ -151,7 +134,7 @@ def out_of_round(field):
 fields = {"(a) bilinear": BilinearField(disk), "(b) two iterations": faired(disk, 2)}
 strays = {name: out_of_round(field) for name, field in fields.items()}
 titled = {f"{name}: {100 * strays[name]:.1f} % out of round": f for name, f in fields.items()}
-show(compare_figure(titled, inner_levels(disk)), "figure_10.png")
+figures.show(compare_figure(titled, inner_levels(disk)), "figure_10.png", dpi=70, crop=True)
 
 # %%
 bilinear_stray, fair_stray = strays.values()

@@ -22,14 +22,9 @@
 # stores the pictures. Origin and licence of the data: `notebooks/data/README.md`.
 
 # %%
-import io
-import os
-from pathlib import Path
-
+import figures
 import jax
 import numpy as np
-import PIL.Image
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 
 import contourfair_jax as cf
@@ -37,9 +32,7 @@ from contourfair_jax import export, metrics
 from contourfair_jax.io import example
 
 jax.config.update("jax_enable_x64", True)
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
-HERE = Path("notebooks/data") if Path("notebooks/data").is_dir() else Path("data")
-DATA = np.load(HERE / "gallery.npz")
+DATA = np.load(figures.DATA / "gallery.npz")
 
 
 def three_fields(values, spacing):
@@ -67,17 +60,6 @@ def panels(fields, levels, upward=False, width=0.9):
         ax.set(xlim=(0, high[1]), ylim=(0, high[0]) if upward else (high[0], 0), aspect="equal")
         ax.set(title=name, xticks=[], yticks=[])
     return figure
-
-
-def show(figure, name):
-    """Display a figure, and store it where asked."""
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80, bbox_inches="tight")
-    PIL.Image.open(drawn).convert("RGB").quantize(128).save(small, format="png", optimize=True)
-    if FOLDER:
-        Path(FOLDER).mkdir(parents=True, exist_ok=True)
-        (Path(FOLDER) / name).write_bytes(small.getvalue())
-    display(Image(small.getvalue()))
 
 
 def table(fields, levels):
@@ -111,7 +93,7 @@ def table(fields, levels):
 terrain = example("jacksboro").crop(((164, 198), (210, 244)))
 levels = np.arange(290.0, 900.0, 20.0) + 0.5
 fields = three_fields(terrain.values, terrain.spacing)
-show(panels(fields, levels), "gallery_terrain.png")
+figures.show(panels(fields, levels), "gallery_terrain.png", crop=True)
 found = table(fields, levels)
 assert found["fair, global"][2] < found["bilinear"][2]
 
@@ -126,7 +108,7 @@ assert found["fair, global"][2] < found["bilinear"][2]
 pressure = DATA["pressure"] / 100.0
 levels = np.arange(984.0, 1032.0, 4.0)
 fields = three_fields(pressure, (1.0, 1.0))
-show(panels(fields, levels, upward=True), "gallery_isobars.png")
+figures.show(panels(fields, levels, upward=True), "gallery_isobars.png", crop=True)
 found = table(fields, levels)
 assert found["fair, local"][2] < 0.7 * found["bilinear"][2]
 
@@ -139,7 +121,7 @@ assert found["fair, local"][2] < 0.7 * found["bilinear"][2]
 ct = DATA["ct"][2:82, 20:100]
 levels = np.array([-400.0, 160.0, 350.0])
 fields = three_fields(ct, (0.661468, 0.661468))
-show(panels(fields, levels), "gallery_ct.png")
+figures.show(panels(fields, levels), "gallery_ct.png", crop=True)
 found = table(fields, levels)
 assert found["fair, global"][2] < found["bilinear"][2]
 
@@ -153,7 +135,7 @@ assert found["fair, global"][2] < found["bilinear"][2]
 head = DATA["head"][3:61, 4:60]
 levels = np.array([500.0, 1150.0])
 fields = three_fields(head, (3.2, 3.2))
-show(panels(fields, levels, width=1.1), "gallery_head.png")
+figures.show(panels(fields, levels, width=1.1), "gallery_head.png", crop=True)
 found = table(fields, levels)
 assert found["fair, global"][2] < found["bilinear"][2]
 

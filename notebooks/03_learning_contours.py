@@ -23,17 +23,12 @@
 # stores the pictures.
 
 # %%
-import io
-import os
-from pathlib import Path
-
 import equinox as eqx
+import figures
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-import PIL.Image
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from skimage.measure import find_contours
@@ -41,19 +36,7 @@ from skimage.measure import find_contours
 import contourfair_jax as cf
 
 jax.config.update("jax_enable_x64", False)  # networks are trained in float32
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
 SIZE, FACTOR, NOISE = 10, 4, 0.03
-
-
-def show(figure, name):
-    """Display a figure, and store it where asked."""
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80)
-    PIL.Image.open(drawn).convert("RGB").quantize(128).save(small, format="png", optimize=True)
-    if FOLDER:
-        Path(FOLDER).mkdir(parents=True, exist_ok=True)
-        (Path(FOLDER) / name).write_bytes(small.getvalue())
-    display(Image(small.getvalue()))
 
 
 # %% [markdown]
@@ -248,4 +231,4 @@ for ax, k in zip(figure.subplots(1, 3), order[[-1, len(order) // 2, 0]], strict=
     ax.set(title="bilinear {:.3f}, fair {:.3f}".format(*both), xticks=[], yticks=[])
 ax.legend(loc="lower right")
 figure.suptitle("boundary error, pixels: the shape best for fair, the median, the worst")
-show(figure, "learning_contours.png")
+figures.show(figure, "learning_contours.png")

@@ -21,34 +21,16 @@
 # stores the pictures. Origin and licence of the data: `notebooks/data/README.md`.
 
 # %%
-import io
-import os
-from pathlib import Path
-
+import figures
 import jax
 import jax.numpy as jnp
 import numpy as np
-import PIL.Image
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 
 import contourfair_jax as cf
 from contourfair_jax import geometry
 
 jax.config.update("jax_enable_x64", True)
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
-HERE = Path("notebooks/data") if Path("notebooks/data").is_dir() else Path("data")
-
-
-def show(figure, name):
-    """Display a figure, and store it where asked."""
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80)
-    PIL.Image.open(drawn).convert("RGB").quantize(128).save(small, format="png", optimize=True)
-    if FOLDER:
-        Path(FOLDER).mkdir(parents=True, exist_ok=True)
-        (Path(FOLDER) / name).write_bytes(small.getvalue())
-    display(Image(small.getvalue()))
 
 
 # %% [markdown]
@@ -60,7 +42,9 @@ def show(figure, name):
 # count, most where the field is flat.
 
 # %%
-samples = jnp.asarray(np.load(HERE / "volumes.npz")["orbital"][:28:3, ::3, ::3].astype(float))
+samples = jnp.asarray(
+    np.load(figures.DATA / "volumes.npz")["orbital"][:28:3, ::3, ::3].astype(float)
+)
 level = 0.04
 
 
@@ -124,4 +108,4 @@ for ax, k in zip(figure.subplots(1, 3), (2, 3, 6), strict=True):
     ax.contour(columns, rows, fine[8 * k], [level], colors="black", linewidths=1.5)
     ax.set(title=f"slice {k}", xticks=[], yticks=[])
 figure.colorbar(shown, ax=ax, label="cubic Bohr per unit of the orbital")
-show(figure, "sensitivity.png")
+figures.show(figure, "sensitivity.png")

@@ -22,16 +22,11 @@
 # stores the pictures. Origin and licence of the data: `notebooks/data/README.md`.
 
 # %%
-import io
-import os
-from pathlib import Path
-
+import figures
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-import PIL.Image
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 from scipy.interpolate import RectBivariateSpline
 
@@ -39,9 +34,7 @@ import contourfair_jax as cf
 from contourfair_jax.io import example
 
 jax.config.update("jax_enable_x64", True)
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
-HERE = Path("notebooks/data") if Path("notebooks/data").is_dir() else Path("data")
-GALLERY = np.load(HERE / "gallery.npz")
+GALLERY = np.load(figures.DATA / "gallery.npz")
 FIELDS = {
     "CT of a chest": GALLERY["ct"][20:69, 30:79].astype(float),
     "CT of a head": GALLERY["head"][6:55, 6:55].astype(float),
@@ -129,13 +122,7 @@ for name, history in histories.items():
     ax.plot(np.exp((np.array(history) - history[0]) / 2), label=name)
 ax.set(xlabel="step", ylabel="cross-validation error, relative to the start")
 ax.legend()
-drawn, small = io.BytesIO(), io.BytesIO()
-figure.savefig(drawn, format="png", dpi=90)
-PIL.Image.open(drawn).convert("RGB").quantize(64).save(small, format="png", optimize=True)
-if FOLDER:
-    Path(FOLDER).mkdir(parents=True, exist_ok=True)
-    (Path(FOLDER) / "learning_settings.png").write_bytes(small.getvalue())
-display(Image(small.getvalue()))
+figures.show(figure, "learning_settings.png", dpi=90, colors=64)
 for name, history in histories.items():
     assert min(history) < history[0]
     assert rows[name]["learned"] < 1.05 * rows[name]["default"]

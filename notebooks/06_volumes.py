@@ -21,14 +21,9 @@
 # stores the pictures. Origin and licence of the data: `notebooks/data/README.md`.
 
 # %%
-import io
-import os
-from pathlib import Path
-
+import figures
 import jax
 import numpy as np
-import PIL.Image
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 
 import contourfair_jax as cf
@@ -36,9 +31,7 @@ from contourfair_jax import metrics
 from contourfair_jax.plot import draw_surface
 
 jax.config.update("jax_enable_x64", True)
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
-HERE = Path("notebooks/data") if Path("notebooks/data").is_dir() else Path("data")
-DATA = np.load(HERE / "volumes.npz")
+DATA = np.load(figures.DATA / "volumes.npz")
 
 
 def both_fields(samples, spacing):
@@ -64,17 +57,6 @@ def panels(fields, levels, view, colors, tolerance):
     return figure
 
 
-def show(figure, name):
-    """Display a figure, and store it where asked."""
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80)
-    PIL.Image.open(drawn).convert("RGB").quantize(128).save(small, format="png", optimize=True)
-    if FOLDER:
-        Path(FOLDER).mkdir(parents=True, exist_ok=True)
-        (Path(FOLDER) / name).write_bytes(small.getvalue())
-    display(Image(small.getvalue()))
-
-
 def rms(difference):
     return float(np.sqrt(np.mean(np.square(difference))))
 
@@ -90,7 +72,7 @@ def rms(difference):
 face = DATA["face"].astype(float)
 fields = both_fields(face[::2], (3.0, 3.2, 3.2))
 skin = [(0.93, 0.8, 0.68)]
-show(panels(fields, [500.0], (10, -70), skin, 0.3), "volumes_face.png")
+figures.show(panels(fields, [500.0], (10, -70), skin, 0.3), "volumes_face.png")
 
 # %%
 errors = {
@@ -120,4 +102,4 @@ assert errors["fair"] < 0.6 * errors["linear"]
 
 fields["all samples"] = cf.fair_field(orbital, method=cf.GlobalFairing(iterations=0))
 signs = [(0.95, 0.62, 0.35), (0.45, 0.65, 0.9)]
-show(panels(fields, [0.04, -0.04], (25, -50), signs, 0.01), "volumes_orbital.png")
+figures.show(panels(fields, [0.04, -0.04], (25, -50), signs, 0.01), "volumes_orbital.png")

@@ -22,14 +22,9 @@
 # stores the pictures. Origin and licence of the data: `notebooks/data/README.md`.
 
 # %%
-import io
-import os
-from pathlib import Path
-
+import figures
 import jax
 import numpy as np
-import PIL.Image
-from IPython.display import Image, display
 from matplotlib.figure import Figure
 from scipy.interpolate import griddata
 from skimage.restoration import inpaint_biharmonic
@@ -38,20 +33,7 @@ import contourfair_jax as cf
 from contourfair_jax import export, metrics
 
 jax.config.update("jax_enable_x64", True)
-FOLDER = os.environ.get("CONTOURFAIR_FIGURES")
-HERE = Path("notebooks/data") if Path("notebooks/data").is_dir() else Path("data")
-DATA = np.load(HERE / "holes.npz")
-
-
-def show(figure, name):
-    """Display a figure, and store it where asked."""
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80)
-    PIL.Image.open(drawn).convert("RGB").quantize(128).save(small, format="png", optimize=True)
-    if FOLDER:
-        Path(FOLDER).mkdir(parents=True, exist_ok=True)
-        (Path(FOLDER) / name).write_bytes(small.getvalue())
-    display(Image(small.getvalue()))
+DATA = np.load(figures.DATA / "holes.npz")
 
 
 def draw(ax, field, levels, veiled, cmap, title):
@@ -127,7 +109,7 @@ axes = figure.subplots(1, 2)
 whole = cf.fair_field(terrain, method=cf.GlobalFairing())
 draw(axes[0], whole, levels, np.isnan(terrain), "terrain", "the map, veiled where filled")
 draw(axes[1], field, levels, voids | np.isnan(terrain), "terrain", "with voids, filled")
-show(figure, "holes_terrain.png")
+figures.show(figure, "holes_terrain.png")
 
 # %% [markdown]
 # ## Sea-surface temperature
@@ -153,4 +135,4 @@ axes = figure.subplots(1, 2)
 whole = cf.fair_field(sst, method=cf.GlobalFairing())
 draw(axes[0], whole, levels, land, "RdYlBu_r", "land veiled")
 draw(axes[1], field, levels, land | clouds, "RdYlBu_r", "with clouds, filled")
-show(figure, "holes_sea.png")
+figures.show(figure, "holes_sea.png")

@@ -11,6 +11,7 @@ import typer
 from ._console import Reporter
 from ._options import (
     Count,
+    Fill,
     Input,
     Interval,
     Iterations,
@@ -44,6 +45,7 @@ def isosurface(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    fill: Fill = False,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -59,11 +61,11 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    grid = load(source, key, target, say)
+    grid = load(source, key, target, say, fill)
     check_fairable(grid, ndim=(3,))
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight))
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
     try:
         with precision(single), say.working("tracing the surface"):
             mesh = field.isosurface(level, tolerance)
@@ -95,6 +97,7 @@ def adaptive(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    fill: Fill = False,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -107,11 +110,11 @@ def adaptive(
 
     say = Reporter(quiet)
     check_suffix(target, (".vtu",))
-    grid = load(source, key, target, say)
+    grid = load(source, key, target, say, fill)
     check_fairable(grid)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight))
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
     try:
         with precision(single), say.working("refining"):
             found = field.adaptive(tolerance)
@@ -131,6 +134,7 @@ def metrics(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    fill: Fill = False,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -144,7 +148,7 @@ def metrics(
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing and measuring"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight))
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
         measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
         plain = "bilinear" if grid.ndim == 2 else "trilinear"
         tables = {plain: measure(bilinear_field(field), chosen), "fair": measure(field, chosen)}

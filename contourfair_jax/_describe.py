@@ -40,9 +40,10 @@ def describe_missing(grid: Grid) -> str:
     return f"{grid.missing_count} of {grid.values.size} ({share:.1%}), within {where}"
 
 
-def missing_note(grid: Grid) -> str:
+def missing_note(grid: Grid, fill: bool = False) -> str:
     """What a command says before it fairs data with gaps."""
-    return f"missing samples: {describe_missing(grid)}; they and the cells beside them stay missing"
+    fate = "they are filled" if fill else "they and the cells beside them stay missing"
+    return f"missing samples: {describe_missing(grid)}; {fate}"
 
 
 def describe_output(path: str | PathLike[str], grid: Grid) -> str:

@@ -24,6 +24,10 @@ Weight = Annotated[
         "--thin-plate-weight", help="Share of thin plate energy. [dim]\\[default: of the method][/]"
     ),
 ]
+Fill = Annotated[
+    bool,
+    typer.Option("--fill", help="Keep what global fairing puts in the place of missing samples."),
+]
 Method = Annotated[
     str,
     typer.Option("--method", "-m", help=f"How to fair: {', '.join(METHODS)}."),

@@ -117,8 +117,16 @@ def choose_method(grid: Grid, method: str, settings: Settings) -> AbstractFairin
         raise InputError(str(error)) from error
 
 
-def fair(grid: Grid, method: str, settings: Settings) -> BezierField:
+def check_fill(method: str, fill: bool) -> None:
+    """Refuse to fill gaps by a method that leaves them."""
+    if fill and method == "local":
+        raise InputError("--fill needs --method global or tune; local fairing leaves gaps")
+
+
+def fair(grid: Grid, method: str, settings: Settings, fill: bool = False) -> BezierField:
     """The fair field of the samples, in field coordinates, in the present `precision`.
+
+    Cells with a missing corner have no values, unless `fill` is set.
 
     Raises
     ------
@@ -129,11 +137,16 @@ def fair(grid: Grid, method: str, settings: Settings) -> BezierField:
     import jax.numpy as jnp
 
     from . import fair_field
+    from ._gaps import without_gaps
 
+    check_fill(method, fill)
     values = jnp.asarray(grid.values, dtype=float)
     chosen = choose_method(grid, method, settings)
     try:
         field = fair_field(values, spacing=grid.spacing, origin=grid.origin, method=chosen)
     except ValueError as error:
         raise InputError(str(error)) from error
+    if grid.missing is not None and not fill:
+        net = without_gaps(field.control_points, grid.missing)
+        field = replace(field, control_points=net)
     return jax.block_until_ready(field)

@@ -6,12 +6,12 @@ import numpy as np
 
 from ._console import Reporter
 from ._describe import missing_note
+from ._levels import choose_levels
 from ._run import result_dtype
-from ._trace import choose_levels
 from .io import Grid, InputError, read
 
 
-def load(source: Path, key: str | None, target: Path, say: Reporter) -> Grid:
+def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
     """Read the samples and tell what is to be known about them."""
     if source.exists() and target.exists() and source.samefile(target):
         raise InputError(f"{target}: is the input; write to another file")
@@ -22,7 +22,7 @@ def load(source: Path, key: str | None, target: Path, say: Reporter) -> Grid:
     for note in grid.notes:
         say.note(note)
     if grid.missing is not None:
-        say.note(missing_note(grid))
+        say.note(missing_note(grid, fill))
     return grid
 
 

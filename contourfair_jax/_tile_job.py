@@ -152,6 +152,7 @@ def settings_of(job: Job) -> dict[str, Any]:
         **of_method,
         "spacing": list(job.spacing),
         "precision": job.dtype.name,
+        "filled gaps": job.fill,
         "stored type": None if job.store is None else job.store.dtype.name,
         "tile": [job.tiling.cells, job.tiling.halo],
         "version of contourfair-jax": version("contourfair-jax"),

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._fair import settings_as_arrays
 from ._field import BezierField
+from ._gaps import without_gaps
 from ._global import GlobalFairing
 from ._local import LocalFairing
 from ._method import AbstractFairing
@@ -82,8 +83,11 @@ def refine_block(
     offset: Int[Array, " ndim"],
     window: tuple[int, ...],
     factor: int,
+    fill: bool = True,
 ) -> tuple[Float[Array, "*fine"], Bool[Array, ""]]:
     """Refine `window` cells of a block, those from the cell `offset` on.
+
+    Cells with a missing corner get values if the method gives them and `fill` is set.
 
     Returns
     -------
@@ -91,6 +95,8 @@ def refine_block(
     converged : bool array
     """
     net, report = method.fit(block, spacing)
+    if not fill:
+        net = without_gaps(net, jnp.isnan(block))
     points = tuple(3 * cells + 1 for cells in window)
     part = jax.lax.dynamic_slice(net, tuple(3 * offset), points)
     converged = jnp.asarray(True) if report is None else report.converged
@@ -111,9 +117,18 @@ class Program:
         Distance of samples along each axis.
     dtype
         float32 or float64.
+    fill
+        Whether gaps that the method fills stay filled.
     """
 
-    def __init__(self, method: AbstractFairing, spacing: Sequence[float], dtype: np.dtype) -> None:
+    def __init__(
+        self,
+        method: AbstractFairing,
+        spacing: Sequence[float],
+        dtype: np.dtype,
+        fill: bool = True,
+    ) -> None:
+        self._fill = fill
         self._dtype = np.dtype(dtype)
         with self._precision():
             self._method = settings_as_arrays(tile_method(method), self._dtype)
@@ -134,6 +149,7 @@ class Program:
                 jnp.asarray(np.array(offset), np.int32),
                 window,
                 factor,
+                self._fill,
             )
             return np.asarray(values), bool(converged)
 

@@ -42,6 +42,8 @@ class Job:
         How the grid is cut and faired.
     dtype
         The precision to compute in.
+    fill
+        Whether what global fairing puts in the place of missing samples is kept.
     """
 
     token: str
@@ -51,6 +53,7 @@ class Job:
     method: AbstractFairing
     spacing: tuple[float, ...]
     dtype: np.dtype
+    fill: bool = True
 
 
 class Worker:
@@ -59,7 +62,7 @@ class Worker:
     def __init__(self, job: Job) -> None:
         self._job = job
         self._array = job.source.open()
-        self._program = Program(job.method, job.spacing, job.dtype)
+        self._program = Program(job.method, job.spacing, job.dtype, job.fill)
         self._writer = None if job.store is None else job.store.open()
 
     def compute(self, tile: Tile) -> tuple[np.ndarray, bool]:

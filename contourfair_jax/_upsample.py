@@ -16,6 +16,7 @@ from ._run import (
     Settings,
     check_axes,
     check_fairable,
+    check_fill,
     choose_method,
     fair,
     precision,
@@ -65,6 +66,7 @@ def upsample_whole(
     settings: Settings,
     key: str | None,
     single: bool,
+    fill: bool,
     say: Reporter,
 ) -> str:
     """Read, refine and write; returns the line that describes the output.
@@ -74,14 +76,14 @@ def upsample_whole(
     InputError
         The file cannot be read, faired or written.
     """
-    grid = load(source, key, target, say)
+    grid = load(source, key, target, say, fill)
     check_fairable(grid, factor)
     dtype = result_dtype(grid, single)
     check_writable(target, replace(grid, values=grid.values.astype(dtype)))
     warn_narrowing(grid, single, say)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, settings)
+        field = fair(grid, method, settings, fill)
         finer = np.asarray(field.refine(factor))
     result = grid.refined(finer.astype(dtype, copy=False), factor)
     with say.working(f"writing {target}"):
@@ -101,6 +103,7 @@ def upsample_in_tiles(
     single: bool,
     workers: int,
     resume: bool,
+    fill: bool,
     say: Reporter,
 ) -> str:
     """Refine in tiles; returns the line that describes the output.
@@ -118,7 +121,8 @@ def upsample_in_tiles(
 
     if workers < 1:
         raise InputError(f"--workers must be 1 or more, got {workers}")
-    grid, opened = _opened(source, target, method, key, say)
+    check_fill(method, fill)
+    grid, opened = _opened(source, target, method, key, fill, say)
     check_axes(grid)
     warn_narrowing(grid, single, say)
     chosen = choose_method(grid, method, settings)
@@ -126,7 +130,7 @@ def upsample_in_tiles(
     tiling = Tiling(grid.shape, factor, cells, halo)
     kind = np.dtype(np.float32 if single else np.float64)
     finer = _outline(grid, factor, result_dtype(grid, single))
-    job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind)
+    job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind, fill)
     state = Unfinished(target)
     job = replace(job, store=_store(job, state, finer))
     size = " x ".join(str(n) for n in grid.shape)
@@ -145,13 +149,13 @@ def upsample_in_tiles(
 
 
 def _opened(
-    source: Path, target: Path, method: str, key: str | None, say: Reporter
+    source: Path, target: Path, method: str, key: str | None, fill: bool, say: Reporter
 ) -> tuple[Grid, Source]:
     """The grid and where its samples are: on the disk where parts can be read from there."""
     from ._tile_source import Held, ZarrMember, source_at
 
     if source.suffix.lower() not in _PARTS or method == "tune":
-        grid = load(source, key, target, say)
+        grid = load(source, key, target, say, fill)
         return grid, Held(grid.values)
     if source.exists() and target.exists() and source.samefile(target):
         raise InputError(f"{target}: is the input; write to another file")

@@ -14,15 +14,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from ._cli_levels import COMMANDS
+from ._cli_contours import COMMANDS as CONTOURS
+from ._cli_levels import COMMANDS as LEVELS
 from ._console import Reporter
 from ._describe import information
 from ._options import (
     Count,
     Crop,
+    Fill,
     Input,
     Interval,
     Iterations,
@@ -41,7 +42,7 @@ from ._run import Settings, check_fairable, fair, precision
 from ._steps import check_suffix, levels_of, load
 from ._upsample import is_tiled, upsample_in_tiles, upsample_whole
 from ._window import choose_window
-from .io import InputError, read, write_geojson, write_svg
+from .io import InputError, read
 
 app = typer.Typer(
     name="contourfair",
@@ -95,6 +96,7 @@ def upsample(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    fill: Fill = False,
     key: Key = None,
     single: Single = False,
     workers: Workers = 1,
@@ -113,70 +115,16 @@ def upsample(
     settings = Settings(iterations, thin_plate_weight)
     if is_tiled(source, target, workers, resume):
         line = upsample_in_tiles(
-            source, target, factor, method, settings, key, single, workers, resume, say
+            source, target, factor, method, settings, key, single, workers, resume, fill, say
         )
     else:
-        line = upsample_whole(source, target, factor, method, settings, key, single, say)
+        line = upsample_whole(source, target, factor, method, settings, key, single, fill, say)
     if not quiet:
         typer.echo(line)
 
 
-@app.command(
-    epilog=examples(
-        "contourfair contours dem.tif --interval 20 -o lines.geojson",
-        "contourfair contours dem.npz --levels 250,300,350 -o lines.svg",
-        "contourfair contours photo.png --count 8 -o picture.png",
-    )
-)
-def contours(
-    source: Input,
-    target: Annotated[Path, output("File for the lines: .geojson, .svg or .png.")],
-    levels: Levels = None,
-    interval: Interval = None,
-    count: Count = None,
-    factor: Annotated[
-        int | None,
-        typer.Option("--factor", "-f", help="Refinement to trace on; by default by the size."),
-    ] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    key: Key = None,
-    single: Single = False,
-    quiet: Quiet = False,
-) -> None:
-    """Draw or export fair contours; GeoJSON is in the coordinates of the file.
-
-    Give one of --levels, --interval and --count; by default there are 10 levels.
-    """
-    from ._trace import trace
-    from .plot import contour_figure, drawing_factor, level_colors, save_figure
-
-    say = Reporter(quiet)
-    check_suffix(target, (".geojson", ".json", ".svg", ".png"))
-    grid = load(source, key, target, say)
-    check_fairable(grid, factor or 1, ndim=(2,))
-    fine = drawing_factor(grid.shape) if factor is None else factor
-    check_fairable(grid, fine, ndim=(2,))
-    chosen = levels_of(grid, levels, interval, count, say)
-    notes: tuple[str, ...] = ()
-    with precision(single), say.working("fairing and tracing contours"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight))
-        lines = trace(grid.refined(np.asarray(field.refine(fine)), fine), chosen)
-        if target.suffix.lower() == ".svg":
-            notes = write_svg(target, lines, grid, level_colors(len(chosen)))
-        elif target.suffix.lower() == ".png":
-            up, title = grid.rows_ascend, source.name
-            figure = contour_figure(
-                field, chosen, refine=fine, upward=up, units=grid.units, title=title
-            )
-            save_figure(figure, target)
-        else:
-            notes = write_geojson(target, lines, grid)
-    for note in notes:
-        say.note(note)
-    if not quiet:
-        typer.echo(f"{target}: {len(lines)} contours at {len(chosen)} levels")
+for _command, _examples in CONTOURS.items():
+    app.command(epilog=_examples)(_command)
 
 
 @app.command(
@@ -195,6 +143,7 @@ def compare(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    fill: Fill = False,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -204,7 +153,7 @@ def compare(
 
     say = Reporter(quiet)
     check_suffix(target, (".png",))
-    whole = load(source, key, target, say)
+    whole = load(source, key, target, say, fill)
     check_fairable(whole, ndim=(2,))
     ranges, note = choose_window(whole, crop)
     if note:
@@ -216,7 +165,7 @@ def compare(
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing the samples and drawing"):
         plain = fair(grid, "local", Settings(iterations=0))
-        faired = fair(grid, method, Settings(iterations, thin_plate_weight))
+        faired = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
         panels = {
             "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),
             "thin plate": plain,
@@ -230,7 +179,7 @@ def compare(
         typer.echo(f"{target}: {shown}, {len(chosen)} levels")
 
 
-for _command, _examples in COMMANDS.items():
+for _command, _examples in LEVELS.items():
     app.command(epilog=_examples)(_command)
 
 

@@ -91,7 +91,7 @@ def plot_contours(
         _shade(ax, x, y, values, limits or (values.min(), values.max()))
     inside = sorted({float(level) for level in levels if values.min() < level < values.max()})
     if inside:
-        ax.contour(x, y, values, levels=inside, colors=_LINE, linewidths=_line_width(len(inside)))
+        _draw_lines(ax, field, x, y, values, inside)
     if max(field.shape) <= _DOTS:
         _dots(ax, x, y, field.shape)
     ax.set_xlim(x[0], x[-1])
@@ -247,6 +247,25 @@ def _shade(
         interpolation="nearest",
         extent=(x[0] - edge_x, x[-1] + edge_x, y[0] - edge_y, y[-1] + edge_y),
     )
+
+
+def _draw_lines(
+    ax: Axes,
+    field: Refinable,
+    x: np.ndarray,
+    y: np.ndarray,
+    values: np.ndarray,
+    levels: Sequence[float],
+) -> None:
+    """The exact contours of a field that has them, else those of the refined values."""
+    width = _line_width(len(levels))
+    trace = getattr(field, "contours", None)
+    if trace is None:
+        ax.contour(x, y, values, levels=levels, colors=_LINE, linewidths=width)
+    else:
+        from .export import draw_lines
+
+        draw_lines(trace(levels), ax, _LINE, width)
 
 
 def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, shape: Sequence[int]) -> None:

@@ -18,13 +18,7 @@ from rasterio.transform import Affine
 import contourfair_jax as cf
 from contourfair_jax import _run, cli, plot
 from contourfair_jax._console import Reporter
-from contourfair_jax._trace import (
-    choose_levels,
-    even_levels,
-    interval_levels,
-    listed_levels,
-    trace,
-)
+from contourfair_jax._levels import choose_levels, even_levels, interval_levels, listed_levels
 from contourfair_jax._window import busiest_window
 from contourfair_jax.io import Grid, InputError, read, write
 from contourfair_jax.isosurface import Isosurface
@@ -142,12 +136,36 @@ def test_missing_samples_are_told_and_stay_missing(run, tmp_path):
     np.testing.assert_array_equal(fine.values[::4, ::4][kept], values[kept])
 
 
+def test_global_fairing_fills_gaps_only_where_it_is_asked(run, tmp_path):
+    values = hill()
+    values[3:5, 6] = np.nan
+    np.save(tmp_path / "in.npy", values)
+    call = ("upsample", tmp_path / "in.npy", "-f", 2, "-m", "global", "--iterations", 0, "-o")
+    code, _, err = run(*call, tmp_path / "gaps.npz")
+    assert code == 0
+    assert "the cells beside them stay missing" in err
+    gaps = read(tmp_path / "gaps.npz").values
+    expected = np.full(gaps.shape, False)
+    expected[5:10, 11:14] = True
+    np.testing.assert_array_equal(np.isnan(gaps), expected)
+    assert run(*call, tmp_path / "in_tiles.zarr")[0] == 0
+    in_tiles = read(tmp_path / "in_tiles.zarr").values
+    np.testing.assert_array_equal(np.isnan(in_tiles), expected)
+    np.testing.assert_allclose(in_tiles, gaps, atol=1e-2)
+    code, _, err = run(*call, tmp_path / "filled.npz", "--fill")
+    assert code == 0
+    assert "they are filled" in err
+    filled = read(tmp_path / "filled.npz").values
+    assert np.isfinite(filled).all()
+    np.testing.assert_array_equal(filled[~expected], gaps[~expected])
+
+
 # ---- contours ------------------------------------------------------------------------------
 
 
 def test_contours_as_geojson_lie_on_the_level_in_world_coordinates(run, dem, tmp_path):
     target = tmp_path / "lines.geojson"
-    code, out, err = run("contours", dem, "-o", target, "--levels", "50,100", "--factor", 8)
+    code, out, err = run("contours", dem, "-o", target, "--levels", "50,100")
     assert code == 0
     stored = json.loads(target.read_text())
     assert {feature["properties"]["level"] for feature in stored["features"]} == {50.0, 100.0}
@@ -158,7 +176,9 @@ def test_contours_as_geojson_lie_on_the_level_in_world_coordinates(run, dem, tmp
     for feature in stored["features"]:
         x, y = np.array(feature["geometry"]["coordinates"]).T
         points = np.stack([5e6 - y, x - 4e5], axis=-1)
-        np.testing.assert_allclose(field(points, "clamp"), feature["properties"]["level"], atol=1)
+        np.testing.assert_allclose(
+            field(points, "clamp"), feature["properties"]["level"], atol=1e-5
+        )
 
 
 def test_contours_as_svg(run, dem, tmp_path):
@@ -169,7 +189,7 @@ def test_contours_as_svg(run, dem, tmp_path):
 
 
 def test_contours_as_a_picture(run, dem, tmp_path):
-    code, _, _ = run("contours", dem, "-o", tmp_path / "lines.png", "--count", 3, "--factor", 4)
+    code, _, _ = run("contours", dem, "-o", tmp_path / "lines.png", "--count", 3)
     assert code == 0
     with Image.open(tmp_path / "lines.png") as image:
         assert min(image.size) > 400
@@ -180,11 +200,11 @@ def test_contours_as_a_picture(run, dem, tmp_path):
     ("options", "said"),
     [
         (("--levels", "500,600"), "note: no level lies within the samples, which are"),
-        (("--levels", "100,600"), "note: 1 levels lie outside the samples"),
+        (("--levels", "100,600"), "note: 1 of 2 levels are outside the samples"),
     ],
 )
 def test_levels_outside_the_range_are_told(run, dem, tmp_path, options, said):
-    code, _, err = run("contours", dem, "-o", tmp_path / "lines.svg", "--factor", 4, *options)
+    code, _, err = run("contours", dem, "-o", tmp_path / "lines.svg", *options)
     assert code == 0
     assert said in err
 
@@ -193,7 +213,7 @@ def test_a_constant_field_has_no_contours(run, tmp_path):
     np.save(tmp_path / "in.npy", np.full(SHAPE, 7.0))
     for suffix in ("svg", "geojson", "png"):
         target = tmp_path / f"lines.{suffix}"
-        code, out, err = run("contours", tmp_path / "in.npy", "-o", target, "--factor", 4)
+        code, out, err = run("contours", tmp_path / "in.npy", "-o", target)
         assert (code, out) == (0, f"{target}: 0 contours at 0 levels\n")
         assert "no level lies within the samples, which are 7 to 7" in err
 
@@ -208,14 +228,31 @@ def test_levels():
     assert len(choose_levels(values, None, None, None)[0]) == 10
 
 
-def test_traced_lines_are_closed_or_end_at_the_border_or_a_gap():
-    values = hill(shape=(40, 50))
-    lines = trace(Grid(values, spacing=(2.0, 3.0), origin=(1.0, 5.0)), [150.0])
-    assert [line.closed for line in lines] == [True]
-    centre = lines[0].points.mean(axis=0)
-    assert centre == pytest.approx([1 + 2 * 19.5, 5 + 3 * 0.6 * 49], abs=1.5)
-    values[:, 25] = np.nan
-    assert not any(line.closed for line in trace(Grid(values), [150.0]))
+def test_contours_in_other_formats_are_the_exact_ones(run, dem, tmp_path):
+    field = cf.fair_field(hill(), spacing=(30.0, 20.0))
+    lines = field.contours([50.0, 100.0])
+    target, picture = tmp_path / "lines.csv", tmp_path / "lines.png"
+    options = ("--levels", "50,100", "--plot", picture)
+    assert run("contours", dem, "-o", target, *options)[0] == 0
+    assert len(target.read_text().splitlines()) == 1 + sum(len(line.points) for line in lines)
+    with Image.open(picture) as image:
+        assert min(image.size) > 400
+    rows = np.genfromtxt(target, delimiter=",", skip_header=1)
+    np.testing.assert_allclose(rows[: len(lines[0].points), 3] - 4e5, lines[0].points[:, 1])
+    coarse = tmp_path / "coarse.csv"
+    assert run("contours", dem, "-o", coarse, "--levels", "50,100", "-t", "0.3", "-q")[0] == 0
+    assert len(coarse.read_text()) < 0.7 * len(target.read_text())
+
+
+@pytest.mark.parametrize("suffix", ["geojson", "gpkg"])
+def test_filled_contours(run, dem, tmp_path, suffix):
+    geopandas = pytest.importorskip("geopandas")
+    target = tmp_path / f"bands.{suffix}"
+    code, out, _ = run("contours", dem, "-o", target, "--levels", "50,100", "--filled")
+    assert (code, out) == (0, f"{target}: 3 bands\n")
+    bands = geopandas.read_file(target)
+    assert bands.crs.to_epsg() == 32633
+    assert bands.area.sum() == pytest.approx(8 * 30 * 10 * 20)
 
 
 # ---- compare and pictures ------------------------------------------------------------------
@@ -398,6 +435,11 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
         (("upsample", "in.npy", "-o", "out.npy", "--iterations", "-1"), "iterations must be"),
         (("upsample", "in.npy", "-o", "out.npy", "--thin-plate-weight", "2"), "thin_plate_weight"),
         (("upsample", "in.npy", "-o", "out.npy", "-k", "z"), "there is no 'z' to choose"),
+        (("upsample", "in.npy", "-o", "out.npy", "--fill"), "--fill needs --method global"),
+        (("upsample", "in.npy", "-o", "out.zarr", "--fill"), "--fill needs --method global"),
+        (("contours", "in.npy", "-o", "out.csv", "--filled"), "must end in .geojson, .json, .gpkg"),
+        (("contours", "in.npy", "-o", "o.svg", "-t", "0"), "tolerance must be a distance"),
+        (("contours", "in.npy", "-o", "o.svg", "--plot", "o.pdf"), "o.pdf: the name must end in"),
         (("contours", "in.npy", "-o", "out.dxf"), "the name must end in .geojson"),
         (("contours", "in.npy", "-o", "o.svg", "--levels", "1,x"), "levels must be numbers"),
         (("contours", "in.npy", "-o", "o.svg", "--levels", "nan"), "finite numbers"),

@@ -1,12 +1,10 @@
-"""Levels, and contour lines traced by contourpy on finely refined samples."""
+"""Which levels the options of the command line ask for."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from contourpy import contour_generator
 
-from .io import ContourLine, Grid, InputError
+from .io import InputError
 
 MOST_LEVELS = 10_000
 
@@ -52,7 +50,8 @@ def choose_levels(
     if len(outside) == len(chosen):
         return chosen, f"no level lies within the samples, which are {lowest:g} to {highest:g}"
     if outside:
-        return chosen, f"{len(outside)} levels lie outside the samples, {lowest:g} to {highest:g}"
+        count = f"{len(outside)} of {len(chosen)} levels"
+        return chosen, f"{count} are outside the samples, which are {lowest:g} to {highest:g}"
     return chosen, ""
 
 
@@ -73,19 +72,3 @@ def value_range(values: np.ndarray) -> tuple[float, float]:
     if not present.size:
         raise InputError("every sample is missing")
     return float(present.min()), float(present.max())
-
-
-def trace(refined: Grid, levels: Sequence[float]) -> list[ContourLine]:
-    """The contour lines of the refined samples, in field coordinates, level by level.
-
-    Lines end at the border and at missing samples.
-    """
-    generator = contour_generator(z=np.ma.masked_invalid(refined.values), line_type="Separate")
-    spacing, origin = np.asarray(refined.spacing), np.asarray(refined.origin)
-    found = []
-    for level in levels:
-        for xy in generator.lines(level):
-            points = np.asarray(xy)[:, ::-1]
-            closed = len(points) > 3 and bool((points[0] == points[-1]).all())
-            found.append(ContourLine(float(level), points * spacing + origin, closed))
-    return found

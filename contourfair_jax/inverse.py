@@ -20,13 +20,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from . import _check
+from ._boxes import BoxAverages as BoxAverages
 from ._display import shown, tell
 from ._extent import Extent, check_finite
 from ._field import BezierField
 from ._local import LocalFairing
 from ._method import AbstractFairing, is_traced
 from ._observe import AbstractObservation as AbstractObservation
-from ._observe import BoxAverages as BoxAverages
 from ._observe import ContourLines as ContourLines
 from ._observe import Masks as Masks
 from ._observe import Slopes as Slopes

@@ -7,8 +7,9 @@ import pytest
 import splines
 
 import contourfair_jax as cf
+from contourfair_jax._boxes import interval_averages
 from contourfair_jax._extent import padded_count
-from contourfair_jax._observe import along, interval_averages
+from contourfair_jax._observe import along
 from contourfair_jax._prior import cosines
 from contourfair_jax.inverse import (
     BFGS,

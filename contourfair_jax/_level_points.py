@@ -1,0 +1,94 @@
+"""Points that stay on a level set while the field, or the level, changes."""
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from . import _check
+from ._field import BezierField
+
+# Longest step of a projection, in cells: points stay near where they were found.
+LONGEST_STEP = 0.5
+
+
+def level_points(
+    field: BezierField, points: ArrayLike, level: ArrayLike, steps: int = 2
+) -> Float[Array, "*batch ndim"]:
+    """Points of a level set as differentiable functions of the field and the level.
+
+    Parameters
+    ----------
+    field : BezierField
+        May be traced, as inside `jax.grad`.
+    points : array, shape (..., ndim)
+        Points on or near the level set: vertices of `field.contours(level)` or of an isosurface,
+        of this field or of one that differs little.
+    level : float or array that broadcasts to (...)
+    steps : int
+        Newton steps along the gradient from the points given to the level set; 0 takes them as
+        they are.
+
+    Returns
+    -------
+    array, shape (..., ndim)
+        On the level set.  Changes of the field and the level move them along the gradient; changes
+        of the points given move them along the level set.  A point that is NaN stays NaN.
+
+    Raises
+    ------
+    ValueError
+        For points whose last axis is not `ndim` long, or steps below 0.
+
+    Examples
+    --------
+    >>> import jax, jax.numpy as jnp
+    >>> import contourfair_jax as cf
+    >>> from contourfair_jax.geometry import level_points
+    >>> x = jnp.arange(5.0)
+    >>> def place(slope):
+    ...     field = cf.fair_field(slope * x[:, None] + 0 * x[None, :])
+    ...     return level_points(field, jnp.array([1.0, 2.0]), 2.0)[0]
+    >>> round(float(jax.grad(place)(2.0)), 4)  # the contour of 2 lies at x = 2 / slope
+    -0.5
+    """
+    _check.check_count(steps, 0, "steps")
+    # Without its report the field is a pytree of numbers.
+    field = BezierField(field.control_points, field.spacing, field.origin)
+    points = jnp.asarray(points, field.dtype)
+    level = jnp.broadcast_to(jnp.asarray(level, field.dtype), points.shape[:-1])
+    start = points
+    for _ in range(steps):
+        value, step = field(points, "extend"), _across(field, points)
+        step = (level - value)[..., None] * step
+        cells = jnp.abs(step) / jnp.broadcast_to(field.spacing, step.shape)
+        size = jnp.max(cells, axis=-1, keepdims=True)
+        points = points + step * jnp.minimum(1, LONGEST_STEP / jnp.maximum(size, LONGEST_STEP))
+    return _tied(field, start + jax.lax.stop_gradient(points - start), level)
+
+
+@jax.custom_jvp
+def _tied(field: BezierField, points: Array, level: Array) -> Array:
+    """Points of the level set with the derivatives of the implicit function theorem."""
+    return points
+
+
+@_tied.defjvp
+def _tied_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    field, points, level = primals
+    field_dot, points_dot, level_dot = tangents
+    # Tied again, so that derivatives of the derivative follow the level set as well.
+    points = _tied(field, points, level)
+    known = jnp.all(jnp.isfinite(points), axis=-1, keepdims=True)
+    places = jnp.where(known, points, jnp.broadcast_to(field.origin, points.shape))
+    _, value_dot = jax.jvp(lambda f, p: f(p, "extend"), (field, places), (field_dot, points_dot))
+    across = jnp.where(known, _across(field, places), 0)
+    return points, points_dot + (level_dot - value_dot)[..., None] * across
+
+
+def _across(field: BezierField, points: Array) -> Array:
+    """g / |g|^2, or zero where the gradient vanishes."""
+    gradient = field.gradient(points, "extend")
+    squared = jnp.sum(gradient * gradient, axis=-1, keepdims=True)
+    flat = squared == 0
+    return jnp.where(flat, 0, gradient / jnp.where(flat, 1, squared))

@@ -16,6 +16,7 @@ from rich.progress import Progress
 
 from benchmarks import (
     accuracy,
+    contours,
     cost,
     engine,
     holes,
@@ -63,6 +64,9 @@ BENCHMARKS = {
     "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled."),
     "inverse": Benchmark(
         inverse.run, inverse.tables, True, "Contours to DEM, missing slices, scattered points."
+    ),
+    "contours": Benchmark(
+        contours.run, contours.tables, contours.X64, "Contours proved, beside contourpy (minutes)."
     ),
     "surfaces": Benchmark(surfaces.run, surfaces.tables, True, "Isosurfaces of real volumes."),
     "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),

@@ -290,16 +290,5 @@ def _figures(row: dict[str, Any]) -> list[object]:
     ]
 
 
-def main() -> None:
-    """Run all and store the result; with arguments, one tracer of `large_case`."""
-    if len(sys.argv) > 1:
-        print(json.dumps(child(sys.argv[1], sys.argv[2], np.array(sys.argv[3:], float))))
-        return
-    engine.use_x64(X64)
-    report.save("contours", run())
-    for title, table in tables(report.load("contours") or {}).items():
-        print(f"{title}\n{table}\n")
-
-
 if __name__ == "__main__":
-    main()
+    print(json.dumps(child(sys.argv[1], sys.argv[2], np.array(sys.argv[3:], float))))

@@ -26,9 +26,10 @@ from ._cells import Cells, quarters
 from ._ragged import ranges
 
 # Pieces that are not proved are left so, and counted: at this depth the last ones, and many at once
-# already at the other, because they lie along a line on which the gradient vanishes.
+# already at the other, because they lie along a line on which the gradient vanishes.  Around
+# plateaus of images several hundred are left at that depth, and proved a few depths later.
 MAX_DEPTH = 18
-MANY_DEPTH, MANY = 12, 512
+MANY_DEPTH, MANY = 12, 1 << 14
 # More strips than this: halve the piece instead, which sharpens its bounds.
 MAX_STRIPS = 4
 

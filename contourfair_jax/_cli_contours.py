@@ -15,6 +15,7 @@ from ._options import (
     Input,
     Interval,
     Iterations,
+    Json,
     Key,
     Levels,
     Method,
@@ -59,6 +60,7 @@ def contours(
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Draw or export fair contours: they lie on the fair field, are complete, and never cross.
 
@@ -67,7 +69,7 @@ def contours(
     """
     from .plot import contour_figure, save_figure
 
-    say = Reporter(quiet)
+    say = Reporter(quiet, as_json)
     check_suffix(
         target, (".geojson", ".json", ".gpkg", *(() if filled else (".csv", ".svg", ".png")))
     )
@@ -81,7 +83,7 @@ def contours(
             field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
         with say.working("tracing contours"):
             store = _store_bands if filled else _store_lines
-            done, notes = store(target, field, chosen, tolerance, grid)
+            text, facts, notes = store(target, field, chosen, tolerance, grid)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):
@@ -90,14 +92,13 @@ def contours(
                 save_figure(figure, picture)
     for note in notes:
         say.note(note)
-    if not quiet:
-        typer.echo(f"{target}: {done}")
+    say.done(target, text, levels=chosen, **facts)
 
 
 def _store_lines(
     target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
-) -> tuple[str, tuple[str, ...]]:
-    """Store the lines; how many there are, and notes."""
+) -> tuple[str, dict[str, int], tuple[str, ...]]:
+    """Store the lines; what there is in words and in numbers, and notes."""
     from .export import write_lines
     from .plot import level_colors
 
@@ -111,20 +112,23 @@ def _store_lines(
         notes += write_svg(target, lines, grid, level_colors(drawn))
     elif target.suffix.lower() != ".png":
         notes += write_lines(target, lines, grid)
-    return f"{len(lines)} contours at {len(levels)} levels", notes
+    vertices = sum(len(line.points) for line in lines)
+    facts = {"lines": len(lines), "vertices": vertices, "unproved": lines.unproved}
+    return f"{len(lines)} contours at {len(levels)} levels", facts, notes
 
 
 def _store_bands(
     target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
-) -> tuple[str, tuple[str, ...]]:
-    """Store what is below, between and above the levels; how many bands there are, and notes."""
+) -> tuple[str, dict[str, int], tuple[str, ...]]:
+    """Store what is below, between and above the levels; as for lines."""
     from .export import write_bands
 
     try:
         bands = field.filled([-float("inf"), *levels, float("inf")], tolerance)
     except ValueError as error:
         raise InputError(str(error)) from error
-    return f"{len(bands)} bands", write_bands(target, bands, grid)
+    notes = write_bands(target, bands, grid)
+    return f"{len(bands)} bands", {"bands": len(bands)}, notes
 
 
 COMMANDS = {

@@ -16,6 +16,8 @@ from ._method import AbstractFairing
 from ._tracing import Levels, check_levels
 
 _FACTOR = 4
+# Changes that are printed.
+_LISTED = 10
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,9 @@ class Comparison:
             for kind in ("merged", "split")
         }
         rows.append(f"places merged: {counts['merged']}, split: {counts['split']}")
+        rows += [f"  {change}" for change in self.changes[:_LISTED]]
+        if len(self.changes) > _LISTED:
+            rows.append(f"  and {len(self.changes) - _LISTED} more, in .changes")
         return "\n".join(rows)
 
 
@@ -113,7 +118,7 @@ def compare(
         tuple(level_metrics(each.contours(chosen, tolerance), step, chosen.tolist()))
         for each in (plain, field)
     ]
-    return Comparison(metrics[0], metrics[1], tuple(_changes(field, samples, chosen)))
+    return Comparison(metrics[0], metrics[1], tuple(changes(field, chosen.tolist())))
 
 
 def bilinear_field(field: BezierField) -> BezierField:
@@ -126,11 +131,12 @@ def _figures(metrics: LevelMetrics) -> tuple:
     return metrics.length, metrics.turning, metrics.bending, metrics.components, metrics.holes
 
 
-def _changes(field: BezierField, samples: np.ndarray, levels: np.ndarray) -> list[Change]:
-    """Merged and split parts at all levels; the fair field is followed on a refined grid."""
+def changes(field: BezierField, levels: Sequence[float]) -> list[Change]:
+    """Parts of the bilinear field merged and split; the fair one is followed on a refined grid."""
+    samples = np.asarray(field.samples, dtype=np.float64)
     finer = np.asarray(field.refine(_FACTOR), dtype=np.float64)
     found = []
-    for level in levels.tolist():
+    for level in levels:
         for side, sign in (("above", 1.0), ("below", -1.0)):
             before = components(sign * samples, sign * level)
             after = components(sign * finer, sign * level)[::_FACTOR, ::_FACTOR]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -28,20 +32,36 @@ class Reporter:
     ----------
     quiet
         Leave out notes and progress; errors are always shown.
+    as_json
+        Show results as one line of JSON, the notes among them.
     """
 
-    def __init__(self, quiet: bool = False) -> None:
+    def __init__(self, quiet: bool = False, as_json: bool = False) -> None:
         self.quiet = quiet
+        self.as_json = as_json
+        self._notes: list[str] = []
         self._console = Console(stderr=True, soft_wrap=True, highlight=False)
 
     def note(self, text: str) -> None:
         """One line that the user should know."""
-        if not self.quiet:
+        self._notes.append(text)
+        if not self.quiet and not self.as_json:
             self._console.print(f"note: {text}", markup=False)
 
     def error(self, text: str) -> None:
         """One line that says why there is no result."""
         self._console.print(f"contourfair: {text}", markup=False)
+
+    def done(self, target: Path, text: str, **facts: Any) -> None:
+        """Say on stdout what was written, in words, or with `facts` as JSON."""
+        if self.as_json:
+            self.result({"output": str(target), **facts})
+        elif not self.quiet:
+            print(f"{target}: {text}")
+
+    def result(self, facts: dict[str, Any]) -> None:
+        """Show results, and the notes so far, as one line of JSON; what is not finite is null."""
+        print(json.dumps(_plain({**facts, "notes": self._notes}), allow_nan=False))
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
@@ -105,3 +125,14 @@ class Reporter:
             progress.start()
         else:
             self._console.print(f"{text} ...", markup=False)
+
+
+def _plain(value: Any) -> Any:
+    """Containers and numbers that JSON has."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

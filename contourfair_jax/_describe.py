@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +28,24 @@ def information(grid: Grid) -> Iterator[tuple[str, str]]:
             yield name, grid.metadata[name]
 
 
+def facts(grid: Grid) -> dict[str, Any]:
+    """What ``contourfair info --json`` shows."""
+    present = grid.values if grid.missing is None else grid.values[~grid.missing]
+    return {
+        "shape": grid.shape,
+        "axes": grid.axes,
+        "type": grid.source_dtype.name,
+        "units": grid.units,
+        "range": [present.min().item(), present.max().item()] if present.size else None,
+        "spacing": grid.spacing,
+        "affine": None if grid.affine is None else grid.affine.tolist(),
+        "crs": grid.crs,
+        "nodata": None if grid.nodata is None else float(grid.nodata),
+        "missing": grid.missing_count,
+        "metadata": dict(grid.metadata),
+    }
+
+
 def describe_missing(grid: Grid) -> str:
     """How many samples are missing, and where: ``3 of 63 (4.8%), within y 0..2, x 4..4``."""
     box = grid.missing_box()
@@ -46,10 +64,10 @@ def missing_note(grid: Grid, fill: bool = False) -> str:
     return f"missing samples: {describe_missing(grid)}; {fate}"
 
 
-def describe_output(path: str | PathLike[str], grid: Grid) -> str:
-    """One line about a file that was written."""
+def describe_output(grid: Grid) -> str:
+    """A few words about samples that were written."""
     gaps = f", {grid.missing_count / grid.values.size:.1%} missing" if grid.missing_count else ""
-    return f"{path}: {_by(grid.shape)} {grid.values.dtype}{gaps}"
+    return f"{_by(grid.shape)} {grid.values.dtype}{gaps}"
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -6,6 +6,10 @@ from typing import Annotated
 import typer
 
 from ._run import METHODS
+from .io import FORMATS
+
+# Endings of the files of samples that can be written.
+WRITABLE = ", ".join(suffix for each in FORMATS if each.writer for suffix in each.suffixes)
 
 Input = Annotated[Path, typer.Argument(metavar="IN", help="File of samples.", show_default=False)]
 Key = Annotated[
@@ -13,6 +17,7 @@ Key = Annotated[
     typer.Option("--key", "-k", help="Which array: a name in a .npz, a band of a GeoTIFF."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No notes, no progress; errors only.")]
+Json = Annotated[bool, typer.Option("--json", help="Results as one line of JSON, for programs.")]
 Single = Annotated[bool, typer.Option("--float32", help="Compute in float32: half the memory.")]
 Iterations = Annotated[
     int | None,
@@ -48,7 +53,7 @@ Crop = Annotated[
 
 
 def output(what: str):
-    """The option for the file that is written."""
+    """The option for the file that is written; the help says which kinds there are."""
     return typer.Option("--output", "-o", metavar="OUT", help=what, show_default=False)
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ._console import Reporter
-from ._describe import describe_output
 from ._run import (
     Settings,
     check_axes,
@@ -68,8 +67,8 @@ def upsample_whole(
     single: bool,
     fill: bool,
     say: Reporter,
-) -> str:
-    """Read, refine and write; returns the line that describes the output.
+) -> Grid:
+    """Read, refine and write; returns the output.
 
     Raises
     ------
@@ -90,7 +89,7 @@ def upsample_whole(
         notes = write(target, result)
     for note in notes:
         say.note(note)
-    return describe_output(target, result)
+    return result
 
 
 def upsample_in_tiles(
@@ -105,8 +104,8 @@ def upsample_in_tiles(
     resume: bool,
     fill: bool,
     say: Reporter,
-) -> str:
-    """Refine in tiles; returns the line that describes the output.
+) -> Grid:
+    """Refine in tiles; returns the output without its samples.
 
     Raises
     ------
@@ -145,7 +144,7 @@ def upsample_in_tiles(
         )
     if target.suffix.lower() == ".npy" and grid.affine is not None:
         say.note(".npy keeps the samples only: spacing and coordinates are left out")
-    return describe_output(target, finer)
+    return finer
 
 
 def _opened(

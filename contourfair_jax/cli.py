@@ -17,16 +17,19 @@ from typing import Annotated, Any
 import typer
 
 from ._cli_contours import COMMANDS as CONTOURS
-from ._cli_levels import COMMANDS as LEVELS
+from ._cli_meshes import COMMANDS as MESHES
+from ._cli_metrics import COMMANDS as METRICS
 from ._console import Reporter
-from ._describe import information
+from ._describe import describe_output, facts, information
 from ._options import (
+    WRITABLE,
     Count,
     Crop,
     Fill,
     Input,
     Interval,
     Iterations,
+    Json,
     Key,
     Levels,
     Method,
@@ -91,7 +94,7 @@ def _options_of_all(
 )
 def upsample(
     source: Input,
-    target: Annotated[Path, output("File for the finer samples: .npy, .zarr, .tif and others.")],
+    target: Annotated[Path, output(f"File for the finer samples: {WRITABLE}.")],
     factor: Annotated[int, typer.Option("--factor", "-f", help="How many times finer.")] = 4,
     method: Method = "local",
     iterations: Iterations = None,
@@ -102,6 +105,7 @@ def upsample(
     workers: Workers = 1,
     resume: Resume = False,
     quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Refine samples on the fair field: every sample is kept, and positions stay right.
 
@@ -109,18 +113,19 @@ def upsample(
 
     Zarr folders, and large .npy files, are written part by part: they need not fit in memory.
     """
-    say = Reporter(quiet)
+    say = Reporter(quiet, as_json)
     if factor < 1:
         raise InputError(f"--factor must be 1 or more, got {factor}")
     settings = Settings(iterations, thin_plate_weight)
     if is_tiled(source, target, workers, resume):
-        line = upsample_in_tiles(
+        finer = upsample_in_tiles(
             source, target, factor, method, settings, key, single, workers, resume, fill, say
         )
     else:
-        line = upsample_whole(source, target, factor, method, settings, key, single, fill, say)
-    if not quiet:
-        typer.echo(line)
+        finer = upsample_whole(source, target, factor, method, settings, key, single, fill, say)
+    gaps = finer.missing_count
+    text = describe_output(finer)
+    say.done(target, text, shape=finer.shape, type=finer.values.dtype.name, missing=gaps)
 
 
 for _command, _examples in CONTOURS.items():
@@ -147,11 +152,12 @@ def compare(
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Show bilinear, thin plate and fair contours of the same samples side by side."""
     from .plot import BilinearField, compare_figure, save_figure
 
-    say = Reporter(quiet)
+    say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
     whole = load(source, key, target, say, fill)
     check_fairable(whole, ndim=(2,))
@@ -175,21 +181,23 @@ def compare(
             panels, chosen, upward=grid.rows_ascend, title=f"{source.name}: {shown}"
         )
         save_figure(figure, target)
-    if not quiet:
-        typer.echo(f"{target}: {shown}, {len(chosen)} levels")
+    say.done(target, f"{shown}, {len(chosen)} levels", window=ranges, levels=chosen)
 
 
-for _command, _examples in LEVELS.items():
+for _command, _examples in {**MESHES, **METRICS}.items():
     app.command(epilog=_examples)(_command)
 
 
 @app.command(epilog=examples("contourfair info dem.tif"))
-def info(source: Input, key: Key = None, quiet: Quiet = False) -> None:
+def info(source: Input, key: Key = None, quiet: Quiet = False, as_json: Json = False) -> None:
     """Show what a file holds: size, type, range, spacing, place, missing samples."""
     grid = read(source, key)
-    say = Reporter(quiet)
+    say = Reporter(quiet, as_json)
     for note in grid.notes:
         say.note(note)
+    if as_json:
+        say.result(facts(grid))
+        return
     for name, text in information(grid):
         typer.echo(f"{name:<12} {text}")
 

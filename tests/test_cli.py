@@ -20,7 +20,7 @@ from contourfair_jax import _run, cli, plot
 from contourfair_jax._console import Reporter
 from contourfair_jax._levels import choose_levels, even_levels, interval_levels, listed_levels
 from contourfair_jax._window import busiest_window
-from contourfair_jax.io import Grid, InputError, read, write
+from contourfair_jax.io import FORMATS, Grid, InputError, read, write
 from contourfair_jax.isosurface import Isosurface
 
 # One shape for most tests, so that the engine is compiled once.
@@ -520,6 +520,36 @@ def test_quiet_says_nothing(run, tmp_path):
     values[4, 4] = np.nan
     np.save(tmp_path / "in.npy", values)
     assert run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", "-q") == (0, "", "")
+
+
+def test_results_as_json(run, dem, tmp_path):
+    code, out, err = run("upsample", dem, "-o", tmp_path / "out.npy", "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert (found["shape"], found["type"], found["missing"]) == ([33, 41], "float32", 0)
+    assert "spacing and coordinates are left out" in found["notes"][0]
+    assert "note" not in err
+    found = json.loads(run("contours", dem, "-o", tmp_path / "o.csv", "--count", 2, "--json")[1])
+    assert (len(found["levels"]), found["lines"], found["unproved"]) == (2, 2, 0)
+    found = json.loads(run("info", dem, "--json")[1])
+    assert found["range"] == [hill().min(), hill().max()]
+    np.testing.assert_array_equal(found["affine"], NORTH_UP)
+    found = json.loads(run("compare", dem, "-o", tmp_path / "o.png", "--json", "-q")[1])
+    assert found["window"] == [[0, 9], [0, 11]]
+
+
+def test_the_shell_completes_names():
+    asked = {"_CONTOURFAIR_COMPLETE": "complete_bash", "COMP_WORDS": "contourfair co"}
+    environment = {**os.environ, **asked, "COMP_CWORD": "1"}
+    command = [sys.executable, "-c", "import sys; from contourfair_jax import cli; cli.main()"]
+    call = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert call.stdout.split() == ["contours", "compare"]
+
+
+def test_help_names_all_endings_that_can_be_written(run):
+    out = "".join(run("upsample", "--help")[1].split())
+    for suffix in (suffix for each in FORMATS if each.writer for suffix in each.suffixes):
+        assert f"{suffix}," in out or f"{suffix}." in out
 
 
 def test_help_and_version(run):

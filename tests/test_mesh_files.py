@@ -1,5 +1,6 @@
 """Fields and isosurfaces in VTK and in mesh files."""
 
+import json
 from importlib import import_module
 
 import jax.numpy as jnp
@@ -183,11 +184,14 @@ def test_isosurface_command_refuses_images(tmp_path, capsys):
 
 
 def test_metrics_command(scan, tmp_path, capsys):
-    code, out, _ = call(capsys, "metrics", scan, "--levels", "2,2.5")
+    picture = tmp_path / "metrics.png"
+    code, out, _ = call(capsys, "metrics", scan, "--levels", "2,2.5", "--plot", picture)
     rows = [line.split() for line in out.splitlines()]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert [row[0] for row in rows[5:]] == ["trilinear:", "fair:"]
     assert code == 0
     assert rows[0] == ["level", "field", "area", "bending/4pi", "parts", "Euler"]
-    assert [row[:2] for row in rows[1:]] == [
+    assert [row[:2] for row in rows[1:5]] == [
         ["2", "trilinear"], ["2", "fair"], ["2.5", "trilinear"], ["2.5", "fair"]
     ]  # fmt: skip
     assert [float(x) for x in rows[4][2:]] == pytest.approx([8 * np.pi, 1, 1, 2], rel=0.15)
@@ -195,8 +199,13 @@ def test_metrics_command(scan, tmp_path, capsys):
     code, out, _ = call(capsys, "metrics", tmp_path / "flat.npy", "--count", 2)
     rows = [line.split() for line in out.splitlines()]
     assert code == 0
-    assert len(rows) == 5
     assert rows[1][1] == "bilinear"
+    assert [row[0] for row in rows[5:7]] == ["bilinear:", "fair:"]
+    code, out, _ = call(capsys, "metrics", tmp_path / "flat.npy", "--count", 2, "--json")
+    found = json.loads(out)
+    assert len(found["table"]["fair"]) == len(found["levels"]) == 2
+    assert found["whole"]["fair"]["slope jump"] < 1e-6 < found["whole"]["bilinear"]["slope jump"]
+    assert len(found["changes"]) == len(rows) - 7
 
 
 def test_adaptive_command(scan, tmp_path, capsys):
@@ -207,6 +216,14 @@ def test_adaptive_command(scan, tmp_path, capsys):
     reader.SetFileName(str(target))
     reader.Update()
     assert f"{reader.GetOutput().GetNumberOfCells()} leaves" in out
+    flat, picture = tmp_path / "flat.npy", tmp_path / "leaves.png"
+    np.save(flat, np.load(scan)[2])
+    for source in (scan, flat):
+        options = ("--tolerance", 0.05, "-o", target, "--plot", picture, "--json")
+        code, out, _ = call(capsys, "adaptive", source, *options)
+        assert code == 0
+        assert json.loads(out)["error"] <= 0.05
+        assert picture.read_bytes().startswith(b"\x89PNG")
     code, _, err = call(capsys, "adaptive", scan, "--tolerance", 0, "-o", tmp_path / "no.vtu")
     assert code == 2
     assert "tolerance must be above zero" in err

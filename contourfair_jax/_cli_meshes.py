@@ -1,8 +1,7 @@
-"""The commands ``isosurface``, ``adaptive`` and ``metrics``."""
+"""The commands ``isosurface`` and ``adaptive``."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,13 +9,11 @@ import typer
 
 from ._console import Reporter
 from ._options import (
-    Count,
     Fill,
     Input,
-    Interval,
     Iterations,
+    Json,
     Key,
-    Levels,
     Method,
     Quiet,
     Single,
@@ -25,11 +22,11 @@ from ._options import (
     output,
 )
 from ._run import Settings, check_fairable, fair, precision
-from ._steps import check_suffix, levels_of, load
-from .io import InputError, read
+from ._steps import check_suffix, load
+from .io import InputError
 
 if TYPE_CHECKING:
-    from ._field import BezierField
+    pass
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
@@ -49,6 +46,7 @@ def isosurface(
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Store the isosurface of a volume as a mesh, in the coordinates of the file.
 
@@ -57,7 +55,7 @@ def isosurface(
     from ._to_vtk import MESH_SUFFIXES, write_mesh
     from .plot import save_figure
 
-    say = Reporter(quiet)
+    say = Reporter(quiet, as_json)
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
@@ -81,11 +79,18 @@ def isosurface(
 
         with say.working(f"drawing {plot}"):
             save_figure(surface_figure(mesh, f"{source.name}: {level:g}"), plot)
-    if not quiet:
-        whole = "watertight" if mesh.watertight else "with a border"
-        typer.echo(
-            f"{target}: {len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles, {whole}"
-        )
+    whole = "watertight" if mesh.watertight else "with a border"
+    say.done(
+        target,
+        f"{len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles, {whole}",
+        level=level,
+        vertices=len(mesh.vertices),
+        triangles=len(mesh.triangles),
+        watertight=mesh.watertight,
+        unmet=mesh.unmet,
+        area=mesh.area,
+        volume=mesh.volume,
+    )
 
 
 def adaptive(
@@ -94,6 +99,9 @@ def adaptive(
     tolerance: Annotated[
         float, typer.Option("--tolerance", "-t", help="Largest error, in units of the samples.")
     ],
+    plot: Annotated[
+        Path | None, typer.Option(help="Picture of the leaves, a .png; of a volume, its middle.")
+    ] = None,
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
@@ -101,15 +109,20 @@ def adaptive(
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
+    as_json: Json = False,
 ) -> None:
     """Refine where the fair field needs it: a quadtree, or an octree, with a proved error.
 
     The values at the corners, interpolated linearly along the axes, stay within the tolerance.
     """
+    from ._plot_leaves import leaf_figure
     from ._to_vtk import write_leaves
+    from .plot import save_figure
 
-    say = Reporter(quiet)
+    say = Reporter(quiet, as_json)
     check_suffix(target, (".vtu",))
+    if plot is not None:
+        check_suffix(plot, (".png",))
     grid = load(source, key, target, say, fill)
     check_fairable(grid)
     size = " x ".join(str(n) for n in grid.shape)
@@ -122,64 +135,11 @@ def adaptive(
         raise InputError(str(error)) from error
     with say.working(f"writing {target}"):
         write_leaves(target, found, grid)
-    if not quiet:
-        typer.echo(f"{target}: {len(found)} leaves, error at most {found.error:.4g}")
-
-
-def metrics(
-    source: Input,
-    levels: Levels = None,
-    interval: Interval = None,
-    count: Count = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    fill: Fill = False,
-    key: Key = None,
-    single: Single = False,
-    quiet: Quiet = False,
-) -> None:
-    """Measure contours, or isosurfaces, level by level: bilinear (trilinear) beside fair."""
-    from ._compare import bilinear_field
-
-    say = Reporter(quiet)
-    with say.working(f"reading {source}"):
-        grid = read(source, key)
-    check_fairable(grid)
-    chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing and measuring"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
-        measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
-        plain = "bilinear" if grid.ndim == 2 else "trilinear"
-        tables = {plain: measure(bilinear_field(field), chosen), "fair": measure(field, chosen)}
-    typer.echo(f"{'level':>12} {'field':<10}" + "".join(f"{name:>13}" for name in header))
-    for k, level in enumerate(chosen):
-        for name, rows in tables.items():
-            figures = "".join(f"{x:13.5g}" for x in rows[k])
-            typer.echo(f"{level:12.6g} {name:<10}{figures}")
-
-
-_LINES = ("length", "turning/2pi", "bending", "parts", "holes")
-_SURFACES = ("area", "bending/4pi", "parts", "Euler")
-
-
-def _lines(field: BezierField, levels: Sequence[float]) -> list[tuple]:
-    import numpy as np
-
-    from .metrics import level_metrics
-
-    step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    found = level_metrics(field.contours(levels, 1e-3), step, levels)
-    return [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
-
-
-def _surfaces(field: BezierField, levels: Sequence[float]) -> list[tuple]:
-    import numpy as np
-
-    from .metrics import surface_metrics
-
-    found = [surface_metrics(field.isosurface(level, 0.05)) for level in levels]
-    return [(m.area, m.bending / (4 * np.pi), m.components, m.euler_characteristic) for m in found]
+    if plot is not None:
+        with say.working(f"drawing {plot}"):
+            save_figure(leaf_figure(found, source.name, grid.rows_ascend), plot)
+    text = f"{len(found)} leaves, error at most {found.error:.4g}"
+    say.done(target, text, leaves=len(found), vertices=len(found.vertices), error=found.error)
 
 
 COMMANDS = {
@@ -187,9 +147,7 @@ COMMANDS = {
         "contourfair isosurface scan.nii.gz --level 300 -o skin.vtp",
         "contourfair isosurface scan.npz --level 80 -o mesh.ply --plot mesh.png",
     ),
-    adaptive: examples("contourfair adaptive dem.tif --tolerance 0.5 -o leaves.vtu"),
-    metrics: examples(
-        "contourfair metrics dem.tif --interval 20",
-        "contourfair metrics scan.nrrd",
+    adaptive: examples(
+        "contourfair adaptive dem.tif --tolerance 0.5 -o leaves.vtu --plot leaves.png"
     ),
 }

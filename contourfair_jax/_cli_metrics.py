@@ -1,0 +1,155 @@
+"""The command ``metrics``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from ._console import Reporter
+from ._options import (
+    Count,
+    Fill,
+    Input,
+    Interval,
+    Iterations,
+    Json,
+    Key,
+    Levels,
+    Method,
+    Quiet,
+    Single,
+    Weight,
+    examples,
+)
+from ._run import Settings, check_fairable, fair, precision
+from ._steps import check_suffix, levels_of
+from .io import read
+
+if TYPE_CHECKING:
+    from ._field import BezierField
+
+# Places where parts merge or split that are listed in words.
+_LISTED = 10
+_LINES = ("length", "turning/2pi", "bending", "parts", "holes")
+_SURFACES = ("area", "bending/4pi", "parts", "Euler")
+
+
+def metrics(
+    source: Input,
+    levels: Levels = None,
+    interval: Interval = None,
+    count: Count = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of the table, a .png.")] = None,
+    method: Method = "local",
+    iterations: Iterations = None,
+    thin_plate_weight: Weight = None,
+    fill: Fill = False,
+    key: Key = None,
+    single: Single = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Measure contours, or isosurfaces, level by level: bilinear (trilinear) beside fair.
+
+    Below the table: what leaves the range of the samples, the largest jump of the slope, sums over
+    all levels, and where parts of contours merge or split.
+    """
+    from ._compare import bilinear_field
+
+    say = Reporter(quiet, as_json)
+    if plot is not None:
+        check_suffix(plot, (".png",))
+    with say.working(f"reading {source}"):
+        grid = read(source, key)
+    check_fairable(grid)
+    chosen = levels_of(grid, levels, interval, count, say)
+    with precision(single), say.working("fairing and measuring"):
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+        measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
+        plain = "bilinear" if grid.ndim == 2 else "trilinear"
+        fields = {plain: bilinear_field(field), "fair": field}
+        tables = {name: measure(each, chosen) for name, each in fields.items()}
+        whole = {name: _whole(each) for name, each in fields.items()}
+        whole["fair"] |= _sums(field)
+        changes = _changes(field, chosen)
+    if plot is not None:
+        from ._plot_metrics import metrics_figure
+        from .plot import save_figure
+
+        with say.working(f"drawing {plot}"):
+            save_figure(metrics_figure(chosen, header, tables, source.name), plot)
+    if as_json:
+        rows = {
+            name: [dict(zip(header, row, strict=True)) for row in rows]
+            for name, rows in tables.items()
+        }
+        changed = [vars(change) for change in changes]
+        say.result({"levels": chosen, "table": rows, "whole": whole, "changes": changed})
+        return
+    typer.echo(f"{'level':>12} {'field':<10}" + "".join(f"{name:>13}" for name in header))
+    for k, level in enumerate(chosen):
+        for name, rows in tables.items():
+            figures = "".join(f"{x:13.5g}" for x in rows[k])
+            typer.echo(f"{level:12.6g} {name:<10}{figures}")
+    for name, figures in whole.items():
+        text = ", ".join(f"{what} {figure:.4g}" for what, figure in figures.items())
+        typer.echo(f"{name}: {text}")
+    for change in changes[:_LISTED]:
+        typer.echo(str(change))
+    if len(changes) > _LISTED:
+        typer.echo(f"and {len(changes) - _LISTED} more places; --json lists all")
+
+
+def _lines(field: BezierField, levels: Sequence[float]) -> list[tuple]:
+    from .metrics import level_metrics
+
+    step = 0.25 * float(np.min(np.asarray(field.spacing)))
+    found = level_metrics(field.contours(levels, 1e-3), step, levels)
+    return [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
+
+
+def _surfaces(field: BezierField, levels: Sequence[float]) -> list[tuple]:
+    from .metrics import surface_metrics
+
+    found = [surface_metrics(field.isosurface(level, 0.05)) for level in levels]
+    return [(m.area, m.bending / (4 * np.pi), m.components, m.euler_characteristic) for m in found]
+
+
+def _whole(field: BezierField) -> dict[str, float]:
+    """Figures of the whole field."""
+    from .metrics import c1_jump, overshoot
+
+    return {"overshoot": overshoot(field), "slope jump": c1_jump(field)}
+
+
+def _sums(field: BezierField) -> dict[str, float]:
+    """Over all levels of a C1 field; a bilinear one has kinks besides, which are not in them."""
+    from .metrics import coarea
+
+    if field.ndim != 2:
+        return {}
+    sums = coarea(field)
+    return {
+        "length over all levels": sums.length,
+        "turning/2pi over all levels": sums.turning / (2 * np.pi),
+        "bending over all levels": sums.bending,
+    }
+
+
+def _changes(field: BezierField, levels: Sequence[float]) -> list[Any]:
+    """Where parts merge and split; of contours only."""
+    from ._compare import changes
+
+    return changes(field, levels) if field.ndim == 2 else []
+
+
+COMMANDS = {
+    metrics: examples(
+        "contourfair metrics dem.tif --interval 20",
+        "contourfair metrics scan.nrrd --plot metrics.png",
+    ),
+}

@@ -50,8 +50,8 @@ def choose_levels(
     if len(outside) == len(chosen):
         return chosen, f"no level lies within the samples, which are {lowest:g} to {highest:g}"
     if outside:
-        count = f"{len(outside)} of {len(chosen)} levels"
-        return chosen, f"{count} are outside the samples, which are {lowest:g} to {highest:g}"
+        some = f"{len(outside)} of {len(chosen)} levels"
+        return chosen, f"{some} are outside the samples, which are {lowest:g} to {highest:g}"
     return chosen, ""
 
 

@@ -27,7 +27,7 @@ def leaf_figure(field: AdaptiveField, title: str = "", upward: bool = False) -> 
         low, high, values = low[cut, 1:], high[cut, 1:], values[cut]
     (bottom, left), (top, right) = low.T, high.T
     x, y = np.stack([left, right, right, left]), np.stack([bottom, bottom, top, top])
-    drawn = PolyCollection(np.stack([x, y], axis=-1).swapaxes(0, 1), linewidths=0.25)
+    drawn = PolyCollection(list(np.stack([x.T, y.T], axis=-1)), linewidths=0.25)
     drawn.set_array(values)
     drawn.set_edgecolor("#1a1a1a")
     ax.add_collection(drawn)

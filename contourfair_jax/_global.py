@@ -3,8 +3,8 @@ r"""Global fairing: the contour energy over the whole C1 space, with coherent no
 The energy of `_energy` over all cells at once, with a tensor M that is constant in every cell, so
 that the integrals are exact::
 
-    E(u) = 1/2 sum_cells sum_ab M_ab ( sum_c <f_ac, f_bc> + tension <f_a, f_b> / h^2
-                                       + smoothness h^2 sum_ce <f_ace, f_bce> ).
+    E(u) = sum_cells e^(p/2),    e = sum_ab M_ab ( sum_c <f_ac, f_bc> + tension <f_a, f_b> / h^2
+                                                   + smoothness h^2 sum_ce <f_ace, f_bce> ).
 
 Samples fix the values at the vertices; slopes are free.  Each iteration renews M from the field and
 solves for the slopes by conjugate gradients.  Every sample pins its vertex, so the number of steps
@@ -15,12 +15,13 @@ import dataclasses
 import warnings
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from . import _check
 from ._energy import FLAT
@@ -33,6 +34,18 @@ from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import has_wide_holes
 from ._normals import LARGEST_COHERENCE, coherent_normals
+from ._reweight import cell_powers
+
+
+class Powers(NamedTuple):
+    """What makes an iteration other than thin plate, which the first one is."""
+
+    thin_plate_weight: Float[Array, "..."]
+    norm: Float[Array, "..."]
+
+    def unless(self, first: Bool[Array, "..."]) -> "Powers":
+        """Those of thin plate where `first` is true."""
+        return Powers(*(jnp.where(first, p, q) for p, q in zip((1, 2), self, strict=True)))
 
 
 class GlobalFairing(AbstractFairing):
@@ -68,6 +81,10 @@ class GlobalFairing(AbstractFairing):
     smoothness : float
         Weight of `h^2 tr(D^3 M D^3)`, the third derivatives, in the energy.  About 0.04 makes up
         for what cubic cells lack on smooth data.
+    norm : float
+        Power p of the energy, `sum over cells of (integral tr(H M H))^(p/2)`, in [1, 2].  2 is
+        least squares.  Smaller lets the field bend where it must, at edges and ridges, and swings
+        less beside them.
     sigma : float or array, shape (n_1, ..., n_d), or None
         Standard deviation of the noise of the samples, in their units.  The field then meets the
         samples within the noise, `mean(((f - a) / sigma)^2) = 1`, instead of exactly.  For data
@@ -109,6 +126,7 @@ class GlobalFairing(AbstractFairing):
     sharpness: int = eqx.field(static=True, default=1)
     tension: float | Float[Array, ""] = 0.0
     smoothness: float | Float[Array, ""] = 0.0
+    norm: float | Float[Array, ""] = 2.0
     sigma: float | Float[Array, "*shape"] | None = None
     cell_weights: Float[Array, "*cells"] | None = None
     limit: bool = eqx.field(static=True, default=False)
@@ -126,6 +144,7 @@ class GlobalFairing(AbstractFairing):
         _check.check_count(self.sharpness, 1, "sharpness")
         _check.check_real(self.tension, "tension")
         _check.check_real(self.smoothness, "smoothness")
+        _check.check_real(self.norm, "norm", least=1.0, most=2.0)
         _check.check_positive(self.sigma, "sigma")
         _check.check_positive(self.cell_weights, "cell_weights")
         _check.check_real(self.tolerance, "tolerance", open_below=True)
@@ -144,9 +163,9 @@ class GlobalFairing(AbstractFairing):
         trust = self._trust(shape, missing, spread)
 
         @partial(jax.checkpoint, prevent_cse=False, policy=save_solutions)
-        def improve(state: tuple[Array, Array, Array], weight: Array) -> tuple[tuple, tuple]:
+        def improve(state: tuple[Array, Array, Array], powers: Powers) -> tuple[tuple, tuple]:
             dofs, stiffness, size = state
-            weights = self._weights(structure, dofs, weight)
+            weights = self._weights(structure, energy, dofs, powers)
             pins = stiffness * trust
             system = LinearSystem(energy, weights, start, free, pins)
             solution = solve(system, dofs, size, self._precision())
@@ -160,12 +179,14 @@ class GlobalFairing(AbstractFairing):
 
         stiffness = jnp.asarray(1.0, values.dtype) / jnp.maximum(jnp.max(trust), 1)
         state = start, stiffness, jnp.zeros((), values.dtype)
-        weight = jnp.asarray(self.thin_plate_weight, values.dtype)
+        powers = Powers(
+            *(jnp.asarray(p, values.dtype) for p in (self.thin_plate_weight, self.norm))
+        )
         if self.converge is None:
-            weights = jnp.where(jnp.arange(self.iterations + 1) == 0, 1, weight)
-            (dofs, *_), info = jax.lax.scan(improve, state, weights)
+            first = jnp.arange(self.iterations + 1) == 0
+            (dofs, *_), info = jax.lax.scan(improve, state, powers.unless(first))
         else:
-            dofs, info = self._limit(improve, state, weight)
+            dofs, info = self._limit(improve, state, powers)
         updates, steps, residuals = info
         if self.limit:
             dofs = limit_slopes(dofs, shape)
@@ -178,17 +199,17 @@ class GlobalFairing(AbstractFairing):
         return net, FitReport(converged, updates, steps, residuals, missing)
 
     def _limit(
-        self, improve: Callable, start: tuple[Array, Array, Array], weight: Array
+        self, improve: Callable, start: tuple[Array, Array, Array], powers: Powers
     ) -> tuple[Array, tuple[Array, Array, Array]]:
         """The state that `improve` leaves as it is, and what every iteration says of itself."""
         most = self.iterations + 1
 
         def step(state: tuple[Array, Array]) -> tuple[Array, Array]:
-            dofs, stiffness, _ = improve((*state, jnp.zeros_like(state[1])), weight)[0]
+            dofs, stiffness, _ = improve((*state, jnp.zeros_like(state[1])), powers)[0]
             return dofs, stiffness
 
         def solve() -> tuple[tuple[Array, Array], tuple]:
-            frozen = jax.lax.stop_gradient((start, weight))
+            frozen = jax.lax.stop_gradient((start, powers))
 
             def unfinished(carry: tuple) -> Array:
                 _, (updates, _, _), k = carry
@@ -196,7 +217,7 @@ class GlobalFairing(AbstractFairing):
 
             def advance(carry: tuple) -> tuple:
                 state, infos, k = carry
-                state, info = improve(state, jnp.where(k == 0, 1, frozen[1]))
+                state, info = improve(state, frozen[1].unless(k == 0))
                 infos = jax.tree.map(lambda all, one: all.at[k].set(one), infos, info)
                 return state, infos, k + 1
 
@@ -224,16 +245,23 @@ class GlobalFairing(AbstractFairing):
         sigma = jnp.broadcast_to(jnp.asarray(self.sigma, spread.dtype), shape) / spread
         return jnp.where(missing, 0, 1 / sigma**2).ravel()
 
-    def _weights(self, form: CellForm, dofs: Array, weight: Array) -> Float[Array, "groups v"]:
-        """Weights of the energy: M_ab = delta_ab - (1 - w) N_ab of every cell."""
-        densities = form.densities(dofs)
-        axes = [(a, b) for a in range(len(form.shape)) for b in range(a, len(form.shape))]
-        structure = {
-            pair: row_to_cells(row, form.shape) for pair, row in zip(axes, densities, strict=True)
+    def _weights(
+        self, structure: CellForm, energy: CellForm, dofs: Array, powers: Powers
+    ) -> Float[Array, "groups v"]:
+        """Weights of the energy: M_ab = delta_ab - (1 - w) N_ab, times e^(p/2 - 1), per cell."""
+        shape = energy.shape
+        axes = [(a, b) for a in range(len(shape)) for b in range(a, len(shape))]
+        tensors = {
+            pair: row_to_cells(row, shape)
+            for pair, row in zip(axes, structure.densities(dofs), strict=True)
         }
-        normals = coherent_normals(structure, self.coherence, self.sharpness)
-        tensor = [(1.0 if a == b else 0.0) - (1 - weight) * normals[a, b] for a, b in axes]
+        normals = coherent_normals(tensors, self.coherence, self.sharpness)
+        plain = powers.thin_plate_weight
+        tensor = [(1.0 if a == b else 0.0) - (1 - plain) * normals[a, b] for a, b in axes]
         weights = jnp.stack([cells_to_row(entry) for entry in tensor])
+        if is_traced(self.norm) or self.norm != 2:
+            energies = row_to_cells(jnp.sum(weights * energy.densities(dofs), axis=0), shape)
+            weights = weights * cells_to_row(cell_powers(energies, powers.norm))[None]
         if self.cell_weights is None:
             return weights
         return weights * cells_to_row(jnp.asarray(self.cell_weights, dofs.dtype))[None]

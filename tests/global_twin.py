@@ -11,7 +11,8 @@ minimises, over what the samples leave free,
     + stiffness sum over samples of ((f - a) / sigma)^2
 
 with ``M = I - (1 - w) N`` constant in a cell, spacing relative to the smallest and values scaled
-to spread 1.  The first fit is a thin plate, ``N = 0``.
+to spread 1.  The first fit is a thin plate, ``N = 0``.  With a `norm` below 2 every cell counts by
+the power ``norm / 2 - 1`` of the energy that the last fit has in it, in every fit but the first.
 """
 
 import functools
@@ -22,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 FLAT = 1e-6
+FLOOR = 0.01
 REACH = 6
 GAUSS_POINTS = 4
 
@@ -43,6 +45,7 @@ class Settings(NamedTuple):
     sharpness: int = 1
     tension: float = 0.0
     smoothness: float = 0.0
+    norm: float = 2.0
     sigma: object = None
     cell_weights: object = None
 
@@ -179,11 +182,10 @@ def normal_tensors(tensors, sharpness, ndim):
     return normals
 
 
-def energy_matrix(normals, weight, shape, spacing, settings):
-    """The dense matrix of the energy; `normals` None means ``N = 0``."""
-    ndim = len(shape)
-    size = math.prod(shape) * 2**ndim
-    matrix = np.zeros((size, size))
+def cell_matrices(normals, shape, spacing, settings):
+    """The matrix of the energy of every cell; `normals` None means ``N = 0``."""
+    ndim, weight = len(shape), settings.thin_plate_weight
+    matrices = {}
     for cell in cells_of(shape):
         m = np.eye(ndim) if normals is None else np.eye(ndim) - (1 - weight) * normals[cell]
         local = np.zeros((4**ndim, 4**ndim))
@@ -194,10 +196,36 @@ def energy_matrix(normals, weight, shape, spacing, settings):
             left = (point.thirds @ m).reshape(4**ndim, -1)
             right = point.thirds.reshape(4**ndim, -1)
             local += point.weight * settings.smoothness * left @ right.T
+        matrices[cell] = local
+    return matrices
+
+
+def cell_powers(matrices, unknowns, shape, norm):
+    """How much every cell counts: a power of its energy in the last fit, with a mean of 1."""
+    powers = {}
+    for cell, local in matrices.items():
+        own = unknowns[unknowns_of(cell, shape)]
+        powers[cell] = max(own @ local @ own, 0.0)
+    mean = np.mean(list(powers.values())) + FLAT**2
+    powers = {cell: (e / mean + FLOOR) ** (norm / 2 - 1) for cell, e in powers.items()}
+    mean = np.mean(list(powers.values()))
+    return {cell: power / mean for cell, power in powers.items()}
+
+
+def energy_matrix(normals, unknowns, shape, spacing, settings):
+    """The dense matrix of the energy, after a fit with normals and unknowns, or before any."""
+    size = math.prod(shape) * 2 ** len(shape)
+    matrix = np.zeros((size, size))
+    matrices = cell_matrices(normals, shape, spacing, settings)
+    powers = dict.fromkeys(matrices, 1.0)
+    if unknowns is not None:
+        powers = cell_powers(matrices, unknowns, shape, settings.norm)
+    for cell, local in matrices.items():
+        weight = powers[cell]
         if settings.cell_weights is not None:
-            local *= settings.cell_weights[cell]
+            weight = weight * settings.cell_weights[cell]
         numbers = unknowns_of(cell, shape)
-        matrix[np.ix_(numbers, numbers)] += local
+        matrix[np.ix_(numbers, numbers)] += weight * local
     return matrix
 
 
@@ -246,7 +274,7 @@ def fit(values, spacing, settings):
                 structure_tensors(unknowns, shape, spacing), settings.coherence, ndim
             )
             normals = normal_tensors(tensors, settings.sharpness, ndim)
-        matrix = energy_matrix(normals, settings.thin_plate_weight, shape, spacing, settings)
+        matrix = energy_matrix(normals, unknowns, shape, spacing, settings)
         if settings.sigma is None:
             unknowns = solve_exactly(matrix, samples)
             continue

@@ -20,7 +20,13 @@ STEP = 1e-5
 
 # Linear solves to rounding, so that derivatives are those of the exact minimum.
 EXACT = {"tolerance": 1e-14}
-MIXED = {"thin_plate_weight": 0.1, "coherence": 1.2, "tension": 3.0, "smoothness": 0.04}
+MIXED = {
+    "thin_plate_weight": 0.1,
+    "coherence": 1.2,
+    "tension": 3.0,
+    "smoothness": 0.04,
+    "norm": 1.3,
+}
 
 
 def local(**settings):

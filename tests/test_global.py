@@ -26,6 +26,7 @@ SETTINGS = {
     "plain": {},
     "tension": {"tension": 3.0},
     "others": {"thin_plate_weight": 0.3, "coherence": 0.6, "tension": 0.5, "smoothness": 0.1},
+    "robust": {"tension": 0.5, "norm": 1.0},
 }
 
 
@@ -76,7 +77,7 @@ def test_equals_the_twin(sharpness, name):
 
 @pytest.mark.parametrize("sharpness", [pytest.param(1, marks=SLOW), 2])
 def test_equals_the_twin_in_3d(sharpness):
-    for field, name in (("ridge", "plain"), ("noise", "others")):
+    for field, name in (("ridge", "plain"), ("noise", "others"), ("ridge", "robust")):
         method = exact(sharpness, **SETTINGS[name])
         values = samples_of(field, SOLID)
         expected = twin_net(values, SOLID, method, **SETTINGS[name])
@@ -420,6 +421,8 @@ def test_limiter(grid):
         ("iterations", -1),
         ("tension", -1.0),
         ("smoothness", -1.0),
+        ("norm", 0.9),
+        ("norm", 2.1),
         ("tension", np.inf),
         ("sigma", 0.0),
         ("sigma", -1.0),

@@ -34,6 +34,7 @@ def settings(method):
         method.sharpness,
         float(method.tension),
         float(method.smoothness),
+        float(method.norm),
         float(method.coherence),
     )
 

@@ -86,13 +86,11 @@ class LocalEnergy(eqx.Module):
             M_ab at the quadrature points, times their weights.
         samples
             Coefficients of the sample functions.
-
-        Returns
-        -------
-        matrix
-            Its blocks, in the order of `block_pairs`.
-        rhs
         """
+        return self.matrix(tensor), self.right_side(tensor, samples)
+
+    def matrix(self, tensor: Tensor) -> Float[Array, " entries"]:
+        """Blocks of the matrix of the normal equations, in the order of `block_pairs`."""
         ndim = self.ndim
         folded = {axes: materialise(_fold(tensor[axes], ndim)) for axes in tensor}
         entries = [
@@ -102,9 +100,20 @@ class LocalEnergy(eqx.Module):
             )
             for block, table in enumerate(self.matrix_tables)
         ]
-        stress = materialise(self._stress(tensor, samples))
-        forces = [_product(table.T, stress[axes]) for axes, table in self.fairing_hessians.items()]
-        return jnp.concatenate(entries), -sum(forces[1:], start=forces[0])
+        return jnp.concatenate(entries)
+
+    def right_side(
+        self, tensor: Tensor, samples: Float[Array, " samples"]
+    ) -> Float[Array, " fairing"]:
+        """Right-hand side of the normal equations."""
+        return -self._forces(tensor, self.sample_hessians, samples)
+
+    def apply(self, tensor: Tensor, fairing: Float[Array, " fairing"]) -> Float[Array, " fairing"]:
+        """The matrix of the normal equations times a vector, without the matrix.
+
+        For one vector that is less work than the matrix, and so are its derivatives.
+        """
+        return self._forces(tensor, self.fairing_hessians, fairing)
 
     def residuals(
         self, factor: Tensor, samples: Float[Array, " samples"], fairing: Float[Array, " fairing"]
@@ -122,18 +131,26 @@ class LocalEnergy(eqx.Module):
         ]
         return jnp.concatenate(rows)
 
-    def _stress(self, tensor: Tensor, samples: Float[Array, " samples"]) -> Tensor:
-        """(M H + H M) / 2 of the interpolating part, off-diagonal entries counted twice."""
-        hessian = {axes: _product(table, samples) for axes, table in self.sample_hessians.items()}
+    def _forces(
+        self, tensor: Tensor, tables: dict[tuple[int, int], Array], coefficients: Array
+    ) -> Float[Array, " fairing"]:
+        """What the part of the field with the given Hessians exerts on the fairing functions.
+
+        The products of their Hessians with (M H + H M) / 2, off-diagonal entries counted twice.
+        """
+        hessian = {axes: _product(table, coefficients) for axes, table in tables.items()}
         hessian = materialise(hessian)
 
         def product(a: int, c: int) -> Float[Array, " points"]:
             terms = [_entry(tensor, a, b) * _entry(hessian, b, c) for b in range(self.ndim)]
             return sum(terms[1:], start=terms[0])
 
-        return {
+        stress = {
             (a, c): product(a, a) if a == c else product(a, c) + product(c, a) for a, c in tensor
         }
+        stress = materialise(stress)
+        forces = [_product(table.T, stress[axes]) for axes, table in self.fairing_hessians.items()]
+        return sum(forces[1:], start=forces[0])
 
 
 def plain_tensor(energy: LocalEnergy) -> Tensor:

@@ -5,6 +5,8 @@ the local energy.  Arrays have the batch last.
 """
 
 import abc
+from collections.abc import Callable
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -33,23 +35,28 @@ class AbstractSolver(eqx.Module):
 
 
 class AbstractDirectSolver(AbstractSolver):
-    """Assembles the normal equations and solves them as dense symmetric systems."""
+    """Assembles the normal equations and solves them as dense symmetric systems.
+
+    Differentiated as the solution of linear systems, with the factors of the matrix at hand and
+    without going through its assembly.
+    """
 
     def __call__(self, energy, tensor, samples):
-        entries, rhs = jax.vmap(energy.normal_equations, in_axes=-1, out_axes=-1)(tensor, samples)
+        entries = batched(energy.matrix)(jax.lax.stop_gradient(tensor))
         matrix = materialise(full_matrix(materialise(entries), energy.ndim))
+        solve = self.factorise(matrix)
         return jax.lax.custom_linear_solve(
-            lambda x: jnp.sum(matrix * x[None], axis=1),
-            rhs,
-            lambda _, b: self.solve(matrix, b),
+            lambda fairing: batched(energy.apply)(tensor, fairing),
+            batched(energy.right_side)(tensor, samples),
+            lambda _, rhs: solve(rhs),
             symmetric=True,
         )
 
     @abc.abstractmethod
-    def solve(
-        self, matrix: Float[Array, "n n batch"], rhs: Float[Array, "n batch"]
-    ) -> Float[Array, "n batch"]:
-        """Solve symmetric positive definite systems."""
+    def factorise(
+        self, matrix: Float[Array, "n n batch"]
+    ) -> Callable[[Float[Array, "n batch"]], Float[Array, "n batch"]]:
+        """A function that solves symmetric positive definite systems with these matrices."""
 
 
 class LU(AbstractDirectSolver):
@@ -58,8 +65,9 @@ class LU(AbstractDirectSolver):
     It calls LAPACK on the CPU, which JAX 0.10 can deadlock in; see the README.
     """
 
-    def solve(self, matrix, rhs):
-        return jnp.linalg.solve(jnp.moveaxis(matrix, -1, 0), rhs.T[..., None])[..., 0].T
+    def factorise(self, matrix):
+        first = jnp.moveaxis(matrix, -1, 0)
+        return lambda rhs: jnp.linalg.solve(first, rhs.T[..., None])[..., 0].T
 
 
 class Cholesky(AbstractDirectSolver):
@@ -68,8 +76,8 @@ class Cholesky(AbstractDirectSolver):
     With the batch last every step is a long vector operation.  No LAPACK, so nothing can hang.
     """
 
-    def solve(self, matrix, rhs):
-        return eliminate(matrix, rhs)
+    def factorise(self, matrix):
+        return partial(substitute, eliminate(matrix))
 
 
 class LeastSquares(AbstractSolver):
@@ -94,28 +102,37 @@ class LeastSquares(AbstractSolver):
         return jax.vmap(fit, in_axes=-1, out_axes=-1)(tensor, samples)
 
 
-def eliminate(
-    matrix: Float[Array, "n n batch"], rhs: Float[Array, "n batch"]
-) -> Float[Array, "n batch"]:
-    """Solve symmetric positive definite systems without pivots, batch last.
+def eliminate(matrix: Float[Array, "n n batch"]) -> list[Float[Array, "w m batch"]]:
+    """Reduce symmetric positive definite matrices to upper triangles, batch last.
 
-    The right-hand side rides along as the last column.  A panel of rows is reduced by itself; what
-    lies below takes all its rows in one pass over memory.
+    A panel of rows is reduced by itself; what lies below takes all its rows in one pass over
+    memory.  Returns the panels, each from its first pivot on.
     """
-    n = len(rhs)
-    work = jnp.concatenate([matrix, rhs[:, None]], axis=1)
+    n = len(matrix)
     panels = []
-    while len(work) > 0:
-        steps = min(-(-n // PANELS), len(work))
+    while len(matrix) > 0:
+        steps = min(-(-n // PANELS), len(matrix))
         # A real loop: unrolled, XLA would fuse the steps and compute every one again for each use.
-        panel = jax.lax.fori_loop(0, steps, _eliminate_row, work[:steps])
+        panel = jax.lax.fori_loop(0, steps, _eliminate_row, matrix[:steps])
         panels.append(materialise(panel))
-        work = _subtract_panel(panels[-1], work[steps:, steps:])
-    solution = jnp.zeros_like(rhs[:0])
-    for panel in reversed(panels):
+        matrix = _subtract_panel(panels[-1], matrix[steps:, steps:])
+    return panels
+
+
+def substitute(
+    panels: list[Float[Array, "w m batch"]], rhs: Float[Array, "n batch"]
+) -> Float[Array, "n batch"]:
+    """Solve with the matrices that `eliminate` has reduced."""
+    reduced = []
+    for panel in panels:
         steps = len(panel)
-        known = jnp.sum(panel[:, steps:-1] * solution[None], axis=1)
-        solution = jnp.concatenate([_back_substitute(panel, panel[:, -1] - known), solution])
+        own, scaled = _forward_substitute(panel, rhs[:steps])
+        reduced.append(own)
+        rhs = materialise(rhs[steps:] - jnp.sum(panel[:, steps:] * scaled[:, None], axis=0))
+    solution = rhs  # nothing is left of it
+    for panel, own in zip(reversed(panels), reversed(reduced), strict=True):
+        known = jnp.sum(panel[:, len(panel) :] * solution[None], axis=1)
+        solution = jnp.concatenate([_back_substitute(panel, own - known), solution])
     return solution
 
 
@@ -131,16 +148,33 @@ def _eliminate_row(k: Array, work: Float[Array, "w m batch"]) -> Float[Array, "w
 
 
 def _subtract_panel(
-    panel: Float[Array, "w m batch"], rest: Float[Array, "r r+1 batch"]
-) -> Float[Array, "r r+1 batch"]:
+    panel: Float[Array, "w m batch"], rest: Float[Array, "r r batch"]
+) -> Float[Array, "r r batch"]:
     """Subtract multiples of the reduced rows of `panel` from the rows below it."""
     if len(rest) == 0:
         return rest
     w = len(panel)
     pivots = jnp.stack([panel[k, k] for k in range(w)])
-    factors = materialise(panel[:, w:-1] / pivots[:, None])  # columns below, by symmetry
+    factors = materialise(panel[:, w:] / pivots[:, None])  # columns below, by symmetry
     terms = [factors[k][:, None] * panel[k, w:][None] for k in range(w)]
     return materialise(rest - sum(terms[1:], start=terms[0]))
+
+
+def _forward_substitute(
+    panel: Float[Array, "w m batch"], rhs: Float[Array, "w batch"]
+) -> tuple[Float[Array, "w batch"], Float[Array, "w batch"]]:
+    """Do to `rhs` what `_eliminate_row` did to the panel; the result, and it over the pivots."""
+    w = panel.shape[0]
+
+    def step(k: Array, pair: tuple[Array, Array]) -> tuple[Array, Array]:
+        x, scaled = pair
+        row = jax.lax.dynamic_index_in_dim(panel, k, keepdims=False)[:w]
+        pivot = jax.lax.dynamic_index_in_dim(row, k, keepdims=False)
+        value = jax.lax.dynamic_index_in_dim(x, k, keepdims=False) / pivot
+        x = x - jnp.where(jnp.arange(w)[:, None] > k, row * value[None], 0)
+        return x, jax.lax.dynamic_update_index_in_dim(scaled, value, k, 0)
+
+    return jax.lax.fori_loop(0, w, step, (rhs, jnp.zeros_like(rhs)))
 
 
 def _back_substitute(
@@ -158,6 +192,11 @@ def _back_substitute(
         return jax.lax.dynamic_update_index_in_dim(x, value / pivot, k, 0)
 
     return jax.lax.fori_loop(0, w, step, rhs)
+
+
+def batched(function: Callable) -> Callable:
+    """A function of one vertex for many, the batch last."""
+    return jax.vmap(function, in_axes=-1, out_axes=-1)
 
 
 def solve_small(

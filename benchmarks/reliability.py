@@ -23,7 +23,9 @@ def run(track: Track = report.silent) -> Result:
     for what, (file, name) in track(list(PARTS.items()), "reliability"):
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "report.xml"
-            command = [sys.executable, "-m", "pytest", "-q", "-m", "slow", "-k", name]
+            # Properties of tests belong to the older kind of report.
+            command = [sys.executable, "-m", "pytest", "-q", "-o", "junit_family=xunit1"]
+            command += ["-m", "slow", "-k", name]
             subprocess.run(
                 [*command, f"--junitxml={path}", str(TESTS / file)],
                 check=True,

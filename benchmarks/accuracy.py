@@ -20,6 +20,7 @@ OTHERS = (
     engine.DEFAULT,
     engine.SMALL_WEIGHT,
     engine.CLEAN,
+    engine.ROBUST,
     engine.TUNED,
 )
 

@@ -8,7 +8,7 @@ from benchmarks.peers import Array, Method
 from benchmarks.report import Result, Track
 
 X64 = True
-MAIN = (peers.LINEAR, peers.CUBIC, peers.QUINTIC, engine.LOCAL, engine.GLOBAL)
+MAIN = (peers.LINEAR, peers.CUBIC, peers.QUINTIC, engine.LOCAL, engine.GLOBAL, engine.ROBUST)
 OTHERS = (
     peers.CATMULL_ROM,
     *peers.OTHER_ENDS,
@@ -20,7 +20,6 @@ OTHERS = (
     engine.DEFAULT,
     engine.SMALL_WEIGHT,
     engine.CLEAN,
-    engine.ROBUST,
     engine.TUNED,
 )
 

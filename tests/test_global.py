@@ -164,8 +164,10 @@ def test_equivariance():
     assert_close(net_of(values, exact(), np.multiply(FLAT.spacing, 1000)), net, 1e-9)
     assert_close(net_of(1 - 2 * values, exact(), FLAT.spacing), 1 - 2 * net, 1e-9)
     assert_close(net_of(values + 100, exact(), FLAT.spacing) - 100, net, 1e-9)
-    tense = net_of(values, exact(tension=2.0), FLAT.spacing)
-    assert_close(net_of(values, exact(tension=2.0), np.multiply(FLAT.spacing, 1e-3)), tense, 1e-9)
+    tense = exact(tension=2.0, norm=1.5)
+    net = net_of(values, tense, FLAT.spacing)
+    assert_close(net_of(values, tense, np.multiply(FLAT.spacing, 1e-3)), net, 1e-9)
+    assert_close(net_of(1e20 * values, tense, FLAT.spacing), 1e20 * net, 1e-9)
 
 
 @SLOW
@@ -240,6 +242,28 @@ def fit_of(name):
 def test_accuracy(name, most):
     error = np.asarray(fit_of(name).refine(8)) - cases.ANALYTIC[name].refined(8)
     assert rms(error) < most + 0.00005  # figures are rounded to four places
+
+
+@pytest.mark.parametrize(
+    ("name", "most"), [("ridge", 0.0093), ("step", 0.0053), ("disk", 0.0054), ("cone", 0.0049)]
+)
+def test_power_one_is_more_accurate(name, most):
+    case = cases.ANALYTIC[name]
+    field = cf.fair_field(case.samples(), spacing=case.spacing, method=clean(norm=1.0))
+    assert rms(np.asarray(field.refine(8)) - case.refined(8)) < most + 0.00005
+
+
+def test_power_one_bends_in_fewer_places():
+    """The sum of the powers of the energies is smaller with that power, and their sum larger."""
+    values = cases.ANALYTIC["step"].samples()
+    fields = [
+        cf.fair_field(values, method=exact(1, thin_plate_weight=1.0, norm=p)) for p in (2.0, 1.0)
+    ]
+    points = np.stack(np.meshgrid(*[(np.arange(36) + 0.5) / 4] * 2, indexing="ij"), axis=-1)
+    squares = [np.sum(np.asarray(field.hessian(points)) ** 2, axis=(-2, -1)) for field in fields]
+    energies = [s.reshape(9, 4, 9, 4).sum(axis=(1, 3)) for s in squares]
+    assert np.sqrt(energies[1]).sum() < 0.98 * np.sqrt(energies[0]).sum()
+    assert energies[1].sum() > energies[0].sum()
 
 
 @pytest.mark.parametrize("name", ["ridge", "step", "disk"])

@@ -19,6 +19,7 @@ from benchmarks import (
     contours,
     cost,
     engine,
+    gpu,
     holes,
     inverse,
     leaves,
@@ -74,6 +75,7 @@ BENCHMARKS = {
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
     "targets": Benchmark(targets.run, targets.tables, False, "Ratios to reach; --short."),
     "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),
+    "gpu": Benchmark(gpu.run, gpu.tables, gpu.X64, "Times on a GPU; --short."),
     "tiles": Benchmark(tiles.run, tiles.tables, False, "Larger than memory; --size."),
     "reliability": Benchmark(
         reliability.run, reliability.tables, True, "Kills and damaged files survived (minutes)."
@@ -114,7 +116,7 @@ def _command(name: str, benchmark: Benchmark) -> None:
 
 
 for _name, _benchmark in BENCHMARKS.items():
-    if _name not in ("targets", "tiles"):
+    if _name not in ("gpu", "targets", "tiles"):
         _command(_name, _benchmark)
 
 
@@ -138,10 +140,23 @@ def run_targets(
     _run_one("targets", quiet, store=not short, short=short)
 
 
+@app.command("gpu", help=BENCHMARKS["gpu"].about)
+def run_gpu(
+    short: Annotated[bool, typer.Option(help="Small grids; nothing is stored.")] = False,
+    quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False,
+) -> None:
+    """Measure on a GPU what `targets` measures on the CPU."""
+    _run_one("gpu", quiet, store=not short, short=short)
+
+
 @app.command("all")
 def run_all(quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False) -> None:
     """Run every benchmark, each in a process of its own, then rewrite the tables."""
+    import jax
+
     for name in BENCHMARKS:
+        if name == "gpu" and jax.default_backend() == "cpu":
+            continue
         flags = ["--quiet"] if quiet else []
         subprocess.run([sys.executable, "-m", "benchmarks", name, *flags], check=True)
     write_tables(README, check=False)

@@ -17,9 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from ._energy import derivatives, materialise
 from ._hermite import corner_shifts, gather_corners, gram, scatter_corners
-
-# Memory for the products of all matrices with the cells that are worked on together.
-CHUNK_BYTES = 4 * 2**20
+from ._working_set import working_set
 
 Dofs = Float[Array, "twos vertices"]
 Weights = Float[Array, "groups vertices"]
@@ -125,10 +123,11 @@ class CellForm(eqx.Module):
         return flat.reshape(groups, fours, -1)
 
     def _chunk_size(self) -> int:
-        """Cells in a chunk: as many as fit the memory set aside."""
+        """Cells in a chunk: as many as have products with all matrices that fit the working set."""
         groups, fours, _ = self.matrices.shape
         columns = int(np.prod(self.shape))
-        parts = -(-columns * groups * fours * self.matrices.dtype.itemsize // CHUNK_BYTES)
+        size = columns * groups * fours * self.matrices.dtype.itemsize
+        parts = -(-size // working_set().batch_bytes)
         return -(-columns // parts)
 
     def _chunked(self, function, *arrays: Array) -> Array:

@@ -16,10 +16,10 @@ from ._merge import net_shape, place_window, scatter_patches, set_samples
 from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, solve_small
 from ._stencil import cut_windows, neighbourhoods, window_shape, window_starts
+from ._working_set import working_set
 
-# Memory for the systems of the vertices that are worked on together, and their least number: what
-# is done for a batch is vector operations as long as the batch, too slow when they are short.
-BATCH_BYTES = 4 * 2**20
+# Least number of vertices that are worked on together: what is done for them is vector operations
+# as long as their number, too slow when they are short.
 LEAST_BATCH = 128
 
 
@@ -80,7 +80,7 @@ class LocalFairing(AbstractFairing):
         shape = values.shape
         energy = LocalEnergy(spacing / jnp.min(spacing), self.quadrature_order)
         thin_plate = _thin_plate_operator(energy)
-        window = window_shape(shape)
+        window = window_shape(shape, working_set().window_vertices)
 
         def fair(samples: Float[Array, "*window_2"]) -> Float[Array, "*window_net"]:
             patches = self._patches(energy, thin_plate, neighbourhoods(samples))
@@ -153,8 +153,8 @@ def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]
 
 
 def _batch_size(energy: LocalEnergy, dtype: jnp.dtype) -> int:
-    """Vertices whose systems fit the memory set aside for a batch."""
+    """Vertices whose systems fit the working set."""
     entries = sum(table.shape[0] for table in energy.matrix_tables)
     points = sum(table.shape[1] for table in energy.matrix_tables)
-    size = BATCH_BYTES // ((3 * entries + 3 * points) * dtype.itemsize)
+    size = working_set().batch_bytes // ((3 * entries + 3 * points) * dtype.itemsize)
     return max(LEAST_BATCH, size // 16 * 16)

@@ -7,16 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-# Most vertices in one window.  Windows are what the engine streams: everything it holds beside the
-# samples and the control net is a multiple of one of them.
-WINDOW_VERTICES = 4096
 
+def window_shape(shape: tuple[int, ...], most: int) -> tuple[int, ...]:
+    """Vertices per axis of the windows for a grid of `shape` samples, `most` in all.
 
-def window_shape(shape: tuple[int, ...], most: int = WINDOW_VERTICES) -> tuple[int, ...]:
-    """Vertices per axis of the windows for a grid of `shape` samples.
-
-    Windows are as equal to a cube as the grid allows and divide every axis into nearly equal parts,
-    so that little is computed twice.
+    Windows are what the engine streams: everything it holds beside the samples and the control net
+    is a multiple of one of them.  They are as equal to a cube as the grid allows and divide every
+    axis into nearly equal parts, so that little is computed twice.
     """
     inner = [n - 2 for n in shape]
     sides = list(inner)

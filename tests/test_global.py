@@ -17,6 +17,7 @@ from helpers import assert_close, samples_of
 
 import contourfair_jax as cf
 from contourfair_jax._form import energy_form, structure_form
+from contourfair_jax._working_set import WorkingSet
 
 BOTH = pytest.mark.both_precisions
 SLOW = pytest.mark.slow
@@ -608,7 +609,8 @@ def test_in_place_in_several_chunks(shape, rng, monkeypatch):
     dofs = jnp.asarray(rng.normal(size=(twos, vertices)))
     whole = form.apply(weights, dofs)
     densities = form.densities(dofs)
-    monkeypatch.setattr("contourfair_jax._form.CHUNK_BYTES", 5_000)
+    small = WorkingSet(window_vertices=10, batch_bytes=5_000)
+    monkeypatch.setattr("contourfair_jax._form.working_set", lambda: small)
     assert form._chunk_size() < vertices
     assert_close(form.apply(weights, dofs), whole, 1e-13)
     assert_close(form.apply_in_place(weights, dofs), whole, 1e-13)

@@ -73,7 +73,7 @@ class LocalEnergy(eqx.Module):
         self, coefficients: Float[Array, " coefficients"]
     ) -> list[Float[Array, " points"]]:
         """Gradient at every quadrature point, one vector for each axis."""
-        return [_product(table, coefficients) for table in self.gradient_tables]
+        return [matmul(table, coefficients) for table in self.gradient_tables]
 
     def normal_equations(
         self, tensor: Tensor, samples: Float[Array, " samples"]
@@ -94,7 +94,7 @@ class LocalEnergy(eqx.Module):
         ndim = self.ndim
         folded = {axes: materialise(_fold(tensor[axes], ndim)) for axes in tensor}
         entries = [
-            _product(
+            matmul(
                 table,
                 materialise(jnp.concatenate([folded[x][block ^ _flips(x, ndim)] for x in folded])),
             )
@@ -120,8 +120,8 @@ class LocalEnergy(eqx.Module):
     ) -> Float[Array, " residuals"]:
         """L^T H at every quadrature point, for M = L L^T: their sum of squares is the energy."""
         hessian = {
-            axes: _product(self.sample_hessians[axes], samples)
-            + _product(self.fairing_hessians[axes], fairing)
+            axes: matmul(self.sample_hessians[axes], samples)
+            + matmul(self.fairing_hessians[axes], fairing)
             for axes in factor
         }
         rows = [
@@ -138,7 +138,7 @@ class LocalEnergy(eqx.Module):
 
         The products of their Hessians with (M H + H M) / 2, off-diagonal entries counted twice.
         """
-        hessian = {axes: _product(table, coefficients) for axes, table in tables.items()}
+        hessian = {axes: matmul(table, coefficients) for axes, table in tables.items()}
         hessian = materialise(hessian)
 
         def product(a: int, c: int) -> Float[Array, " points"]:
@@ -149,7 +149,7 @@ class LocalEnergy(eqx.Module):
             (a, c): product(a, a) if a == c else product(a, c) + product(c, a) for a, c in tensor
         }
         stress = materialise(stress)
-        forces = [_product(table.T, stress[axes]) for axes, table in self.fairing_hessians.items()]
+        forces = [matmul(table.T, stress[axes]) for axes, table in self.fairing_hessians.items()]
         return sum(forces[1:], start=forces[0])
 
 
@@ -232,8 +232,9 @@ def materialise(tree):
     return jax.lax.optimization_barrier(tree)
 
 
-def _product(matrix: Array, vector: Array) -> Array:
-    return jnp.matmul(matrix, vector, precision="highest")
+def matmul(left: Array, right: Array) -> Array:
+    """Product of matrices in the precision of their type; GPUs round float32 by default."""
+    return jnp.matmul(left, right, precision="highest")
 
 
 def _flips(axes: tuple[int, ...], ndim: int) -> int:

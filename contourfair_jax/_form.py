@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._energy import derivatives, materialise
+from ._energy import derivatives, materialise, matmul
 from ._hermite import corner_shifts, gather_corners, gram, scatter_corners
 from ._working_set import working_set
 
@@ -102,7 +102,7 @@ class CellForm(eqx.Module):
 
         def chunk(start: Array) -> Array:
             cells = jnp.concatenate([_columns(weights, start + last - s, size) for s in shifts])
-            block = jnp.matmul(table, cells, precision="highest").reshape(twos, twos, size)
+            block = matmul(table, cells).reshape(twos, twos, size)
             block = block.at[0, 0].add(_columns(pins, start, size)[0])
             return _invert(materialise(block), _columns(free, start, size))
 
@@ -119,7 +119,7 @@ class CellForm(eqx.Module):
 
     def _products(self, cells: Float[Array, "fours chunk"]) -> Float[Array, "groups fours chunk"]:
         groups, fours, _ = self.matrices.shape
-        flat = jnp.matmul(self.matrices.reshape(-1, fours), cells, precision="highest")
+        flat = matmul(self.matrices.reshape(-1, fours), cells)
         return flat.reshape(groups, fours, -1)
 
     def _chunk_size(self) -> int:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from . import _check
 from ._basis import index_set, parity_to_bezier, samples_to_parity
-from ._energy import LocalEnergy, contour_tensor, plain_tensor
+from ._energy import LocalEnergy, contour_tensor, matmul, plain_tensor
 from ._merge import net_shape, place_window, scatter_patches, set_samples
 from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, solve_small
@@ -128,7 +128,7 @@ class LocalFairing(AbstractFairing):
         spread = jax.lax.stop_gradient(jnp.max(samples, axis=0) - jnp.min(samples, axis=0))
         spread = jnp.where(spread == 0, 1, spread)
         scaled = (samples - centre[None]) / spread[None]
-        given = jnp.asarray(samples_to_parity(ndim), samples.dtype) @ scaled
+        given = matmul(jnp.asarray(samples_to_parity(ndim), samples.dtype), scaled)
 
         def improve(fairing: Array, _: None) -> tuple[Array, None]:
             coefficients = jnp.concatenate([given, fairing])
@@ -138,9 +138,9 @@ class LocalFairing(AbstractFairing):
             )
             return self.solver(energy, tensor, given), None
 
-        fairing, _ = jax.lax.scan(improve, thin_plate @ given, length=self.iterations)
+        fairing, _ = jax.lax.scan(improve, matmul(thin_plate, given), length=self.iterations)
         to_bezier = jnp.asarray(parity_to_bezier(ndim), samples.dtype)
-        points = to_bezier @ jnp.concatenate([given, fairing])
+        points = matmul(to_bezier, jnp.concatenate([given, fairing]))
         return jnp.where(missing, jnp.nan, points * spread[None] + centre[None])
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._energy import materialise
+from ._energy import materialise, matmul
 from ._form import CellForm
 
 # A grid as (2, ..., 2, n_1, ..., n_d): the layout of `_hermite` with the axes apart.
@@ -41,7 +41,7 @@ def coarse_correction(
         restricted = materialise(restricted)
         # The energy of a function scales with the spacing to the power ndim - 4.
         scale = 2.0 ** ((4 - ndim) * (level + 1))
-        own = (inverse @ restricted.reshape(2**ndim, -1)).reshape(restricted.shape) * scale
+        own = matmul(inverse, restricted.reshape(2**ndim, -1)).reshape(restricted.shape) * scale
         own = jnp.where(jnp.expand_dims(active, tuple(range(ndim))), own, 0)
         return _prolong(own + below(level + 1, active, restricted), fine)  # pyright: ignore
 

@@ -15,7 +15,7 @@ import lineax
 import optimistix
 from jaxtyping import Array, Float
 
-from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix, materialise
+from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix, materialise, matmul
 
 # Panels of rows that the elimination works in: traffic of memory against compile time.
 PANELS = 4
@@ -209,7 +209,7 @@ def solve_small(
         work = jnp.concatenate([matrix, columns], axis=1)
         return jax.lax.fori_loop(0, matrix.shape[0], _pivot, work)[:, matrix.shape[0] :]
 
-    return jax.lax.custom_linear_solve(lambda x: matrix @ x, rhs, solve, symmetric=True)
+    return jax.lax.custom_linear_solve(partial(matmul, matrix), rhs, solve, symmetric=True)
 
 
 def _pivot(k: Array, work: Float[Array, "n m"]) -> Float[Array, "n m"]:

@@ -216,3 +216,27 @@ def test_gradients_equal_differences_of_the_twin(ndim, rng):
     )
     weight = float(in_method.thin_plate_weight)
     assert weight == pytest.approx(difference("weight"), rel=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(6, 5), (4, 3, 4)])
+@pytest.mark.parametrize(
+    "method",
+    [
+        cf.LocalFairing(iterations=1),
+        cf.GlobalFairing(iterations=1, norm=1.5, sigma=0.1, coarse_grids=True),
+    ],
+    ids=["local", "global"],
+)
+def test_products_keep_float32(method, shape):
+    """No product of matrices that a GPU may round to ten bits, forward or backward."""
+
+    def everything(values, points):
+        field = cf.fair_field(values, method=method)
+        return sum(x.sum() for x in (*field.jet(points), field.refine(2)))
+
+    values = jax.ShapeDtypeStruct(shape, jnp.float32)
+    points = jax.ShapeDtypeStruct((3, len(shape)), jnp.float32)
+    program = jax.jit(jax.value_and_grad(everything)).lower(values, points).as_text()
+    products = [line for line in program.splitlines() if "stablehlo.dot_general" in line]
+    assert len(products) > 5
+    assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)

@@ -153,7 +153,7 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
     """Everything; `short` takes small grids, to see that it works."""
     if jax.default_backend() == "cpu":
         raise SystemExit("gpu: JAX sees no GPU here; install its wheels for one and run it again")
-    rates = machine.run()
+    rates = machine.run(sizes=(2048, 8192))
     peak, bandwidth = 1e9 * rates["peak_gflops"], 1e9 * rates["copy_gb_per_s"]
     plane, volume = ((512, 512), (48,) * 3) if short else ((4096, 4096), (192,) * 3)
     points = 100_000 if short else 10_000_000
@@ -178,14 +178,17 @@ def tables(result: Result) -> dict[str, str]:
     """Times, the reverse pass, agreement."""
     columns = ("over_arithmetic", "over_bandwidth", "over_linear", "over_cubic")
 
+    def short(value: float) -> str:
+        return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+
     def figure(row: Result, name: str) -> str | None:
-        return f"{row[name]:.3g}" if name in row else None
+        return short(row[name]) if name in row else None
 
     times = [
         [
             row["what"],
             size(row["shape"]),
-            f"{1e3 * row['seconds']:.3g}",
+            short(1e3 * row["seconds"]),
             *(figure(row, name) for name in columns),
         ]
         for row in result["builds"] + result["evaluation"]

@@ -1,5 +1,7 @@
 """What the machine can do: float32 matrix products and copies, the roofline of the other times."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 
@@ -31,9 +33,9 @@ def copy_bandwidth() -> float:
     return 2.0 * COPY_BYTES / clock.median(once)
 
 
-def run(track: Track = report.silent) -> Result:
+def run(track: Track = report.silent, sizes: Sequence[int] = SIZES) -> Result:
     """Best matrix-product rate over sizes, and copy bandwidth."""
-    rates = {str(size): matrix_product(size) / 1e9 for size in track(SIZES, "matrix products")}
+    rates = {str(size): matrix_product(size) / 1e9 for size in track(sizes, "matrix products")}
     bandwidth = copy_bandwidth() / 1e9
     peak = max(rates.values())
     return {

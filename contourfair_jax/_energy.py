@@ -20,6 +20,7 @@ constant matrices only: under `jax.vmap` over a trailing axis they stay products
 """
 
 import itertools
+from functools import cache
 
 import equinox as eqx
 import jax
@@ -200,17 +201,23 @@ def full_matrix(
     entries: Float[Array, "entries batch"], ndim: int
 ) -> Float[Array, "fairing fairing batch"]:
     """Put the blocks of symmetric matrices together."""
+    return jnp.take(entries, _places(ndim), axis=0, mode="clip")
+
+
+@cache
+def _places(ndim: int) -> np.ndarray:
+    """Where the entries of the whole matrix stand among those of its blocks."""
     sizes = block_sizes("fairing", ndim)
-    pairs = [pair for group in block_pairs(ndim) for pair in group]
-    ends = np.cumsum([sizes[p] * sizes[q] for p, q in pairs])
-    blocks = {}
-    for (p, q), part in zip(pairs, jnp.split(entries, ends[:-1]), strict=True):
-        blocks[p, q] = part.reshape(sizes[p], sizes[q], -1)
-        blocks[q, p] = blocks[p, q].transpose(1, 0, 2)
-    count = range(2**ndim)
-    return jnp.concatenate(
-        [jnp.concatenate([blocks[p, q] for q in count], axis=1) for p in count], axis=0
-    )
+    starts = np.cumsum(sizes) - sizes
+    places = np.empty((sizes.sum(),) * 2, int)
+    first = 0
+    for p, q in itertools.chain(*block_pairs(ndim)):
+        block = first + np.arange(sizes[p] * sizes[q]).reshape(sizes[p], sizes[q])
+        rows, columns = starts[p] + np.arange(sizes[p]), starts[q] + np.arange(sizes[q])
+        places[np.ix_(rows, columns)] = block
+        places[np.ix_(columns, rows)] = block.T
+        first += block.size
+    return places
 
 
 def block_sizes(kind: str, ndim: int) -> np.ndarray:

@@ -93,14 +93,12 @@ class LocalEnergy(eqx.Module):
     def matrix(self, tensor: Tensor) -> Float[Array, " entries"]:
         """Blocks of the matrix of the normal equations, in the order of `block_pairs`."""
         ndim = self.ndim
-        folded = {axes: materialise(_fold(tensor[axes], ndim)) for axes in tensor}
-        entries = [
-            matmul(
-                table,
-                materialise(jnp.concatenate([folded[x][block ^ _flips(x, ndim)] for x in folded])),
-            )
-            for block, table in enumerate(self.matrix_tables)
-        ]
+        folded = materialise(_fold(jnp.stack(list(tensor.values())), ndim))
+        flips = np.array([_flips(axes, ndim) for axes in tensor])
+        entries = []
+        for block, table in enumerate(self.matrix_tables):
+            own = folded[np.arange(len(flips)), block ^ flips]
+            entries.append(matmul(table, materialise(own.ravel())))
         return jnp.concatenate(entries)
 
     def right_side(
@@ -300,13 +298,13 @@ def _entry(tensor: dict, a: int, b: int) -> Array:
     return tensor[min(a, b), max(a, b)]
 
 
-def _fold(values: Float[Array, " points"], ndim: int) -> list[Float[Array, " half"]]:
+def _fold(values: Float[Array, "pairs points"], ndim: int) -> Float[Array, "pairs twos half"]:
     """Sums and differences over the halves of every axis: what meets even and odd functions."""
-    parts = [values]
+    signs = np.ones((1, 1))
     for _ in range(ndim):
-        halves = [jnp.split(part, 2) for part in parts]
-        parts = [sign(upper, lower) for upper, lower in halves for sign in (jnp.add, jnp.subtract)]
-    return parts
+        signs = np.kron(signs, [[1, 1], [1, -1]])
+    halves = values.reshape(len(values), 2**ndim, -1)
+    return matmul(jnp.asarray(signs, values.dtype), halves)
 
 
 def _product_weights(ndim: int, order: int) -> np.ndarray:

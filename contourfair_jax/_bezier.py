@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ._basis import bernstein
+from ._xla import materialise
 
 
 def cubic_bernstein(t: Float[Array, " *batch"], order: int) -> Float[Array, "*batch 4"]:
@@ -46,23 +47,22 @@ def jet(
 ) -> list[Float[Array, " derivatives"]]:
     """Partial derivatives of one cell at local coordinates `t`, orders 0 to `order`.
 
-    All are contractions of the same net points; derivatives are per unit of `t`.
+    All are contractions of the same net points, last axis first; derivatives are per unit of `t`.
     """
     ndim = points.ndim
-    weights = [[cubic_bernstein(t[axis], k) for k in range(order + 1)] for axis in range(ndim)]
-
-    @functools.cache
-    def partial(counts: tuple[int, ...]) -> Array:
-        if not counts:
-            return points
-        axis = len(counts) - 1
-        return jnp.tensordot(
-            weights[axis][counts[-1]], partial(counts[:-1]), axes=1, precision="highest"
-        )
-
+    parts = {(): points}
+    for axis in reversed(range(ndim)):
+        weights = [cubic_bernstein(t[axis], k) for k in range(order + 1)]
+        # Sums, not products of matrices: these are slow where they are many and small.
+        parts = {
+            (k, *counts): jnp.sum(part * weights[k].reshape((1,) * axis + (4,)), axis=-1)
+            for counts, part in parts.items()
+            for k in range(order + 1 - sum(counts))
+        }
+        parts = materialise(parts)
     return [
         jnp.stack(
-            [partial(tuple(axes.count(k) for k in range(ndim))) for axes in derivatives(n, ndim)]
+            [parts[tuple(axes.count(k) for k in range(ndim))] for axes in derivatives(n, ndim)]
         )
         for n in range(order + 1)
     ]

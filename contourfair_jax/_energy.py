@@ -23,12 +23,12 @@ import itertools
 from functools import cache
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ._basis import block_of, full_axis, index_set, quadrature
+from ._xla import materialise, matmul
 
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.
 FLAT = 1e-6
@@ -226,20 +226,6 @@ def block_sizes(kind: str, ndim: int) -> np.ndarray:
 def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
     """The partial derivatives of an order, as sorted tuples of axes."""
     return list(itertools.combinations_with_replacement(range(ndim), order))
-
-
-def materialise(tree):
-    """Keep XLA from computing `tree` again inside every use of it.
-
-    XLA on the CPU fuses cheap operations into all their consumers.  Over a batch of vertices that
-    multiplies work and compile time many times over.
-    """
-    return jax.lax.optimization_barrier(tree)
-
-
-def matmul(left: Array, right: Array) -> Array:
-    """Product of matrices in the precision of their type; GPUs round float32 by default."""
-    return jnp.matmul(left, right, precision="highest")
 
 
 def _flips(axes: tuple[int, ...], ndim: int) -> int:

@@ -15,9 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._energy import derivatives, materialise, matmul
+from ._energy import derivatives
 from ._hermite import corner_shifts, gather_corners, gram, scatter_corners
 from ._working_set import working_set
+from ._xla import materialise, matmul
 
 Dofs = Float[Array, "twos vertices"]
 Weights = Float[Array, "groups vertices"]

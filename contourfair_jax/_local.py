@@ -11,12 +11,13 @@ from jaxtyping import Array, Float
 
 from . import _check
 from ._basis import index_set, parity_to_bezier, samples_to_parity
-from ._energy import LocalEnergy, contour_tensor, matmul, plain_tensor
+from ._energy import LocalEnergy, contour_tensor, plain_tensor
 from ._merge import net_shape, place_window, scatter_patches, set_samples
 from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, solve_small
 from ._stencil import cut_windows, neighbourhoods, window_shape, window_starts
 from ._working_set import working_set
+from ._xla import matmul
 
 # Least number of vertices that are worked on together: what is done for them is vector operations
 # as long as their number, too slow when they are short.

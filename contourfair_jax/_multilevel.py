@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._energy import materialise, matmul
 from ._form import CellForm
+from ._xla import materialise, matmul
 
 # A grid as (2, ..., 2, n_1, ..., n_d): the layout of `_hermite` with the axes apart.
 Grid = Float[Array, "*twos_shape"]

@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._energy import FLAT, materialise
+from ._energy import FLAT
+from ._xla import materialise
 
 # Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
 REACH = 6

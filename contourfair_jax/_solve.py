@@ -15,7 +15,8 @@ import lineax
 import optimistix
 from jaxtyping import Array, Float
 
-from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix, materialise, matmul
+from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix
+from ._xla import materialise, matmul
 
 # Panels of rows that the elimination works in: traffic of memory against compile time.
 PANELS = 4

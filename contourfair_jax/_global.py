@@ -15,13 +15,12 @@ import dataclasses
 import warnings
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from . import _check
 from ._energy import FLAT
@@ -34,18 +33,7 @@ from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import has_wide_holes
 from ._normals import LARGEST_COHERENCE, coherent_normals
-from ._reweight import cell_powers
-
-
-class Powers(NamedTuple):
-    """What makes an iteration other than thin plate, which the first one is."""
-
-    thin_plate_weight: Float[Array, "..."]
-    norm: Float[Array, "..."]
-
-    def unless(self, first: Bool[Array, "..."]) -> "Powers":
-        """Those of thin plate where `first` is true."""
-        return Powers(*(jnp.where(first, p, q) for p, q in zip((1, 2), self, strict=True)))
+from ._reweight import Powers, cell_powers
 
 
 class GlobalFairing(AbstractFairing):

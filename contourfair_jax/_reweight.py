@@ -5,13 +5,26 @@ r"""Powers of the energy density, by weights of the cells that are renewed like 
 the field really bends counts less, so that it does not make the field swing beside it.
 """
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ._energy import FLAT
 
 # Energies far below this part of the mean count as equally small.
 FLOOR = 0.01
+
+
+class Powers(NamedTuple):
+    """What makes an iteration other than thin plate, which the first one is."""
+
+    thin_plate_weight: Float[Array, "..."]
+    norm: Float[Array, "..."]
+
+    def unless(self, first: Bool[Array, "..."]) -> "Powers":
+        """Those of thin plate where `first` is true."""
+        return Powers(*(jnp.where(first, p, q) for p, q in zip((1, 2), self, strict=True)))
 
 
 def cell_powers(

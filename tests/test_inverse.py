@@ -420,3 +420,17 @@ def test_quantity_must_be_a_scalar(values_fit):
 def test_a_deviation_that_did_not_converge_is_nan(values_fit):
     found = values_fit.standard_deviation(lambda field: field.samples[0, 0], max_steps=1)
     assert np.isnan(found)
+
+
+@pytest.mark.parametrize("optimiser", [cf.GaussNewton(), cf.LBFGS()], ids=["newton", "lbfgs"])
+def test_products_keep_float32(optimiser):
+    """No product in the optimisers that a GPU may round to ten bits."""
+    from contourfair_jax._optimise import search
+
+    def run(z):
+        return search(optimiser, lambda x: x * x - 1, z, jnp.ones((), z.dtype), None)
+
+    program = jax.jit(run).lower(jax.ShapeDtypeStruct((5,), jnp.float32)).as_text()
+    products = [line for line in program.splitlines() if "stablehlo.dot_general" in line]
+    assert products
+    assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)

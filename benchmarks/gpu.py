@@ -97,8 +97,8 @@ def reverse(name: str, shape: tuple[int, ...]) -> Result:
 
 def evaluation(shape: tuple[int, ...], factor: int, points: int, bandwidth: float) -> list[Result]:
     """`refine` and queries beside cubic and linear interpolation of cupyx, and the bandwidth."""
-    import cupy
-    from cupyx.scipy import ndimage
+    import cupy  # pyright: ignore[reportMissingImports]
+    from cupyx.scipy import ndimage  # pyright: ignore[reportMissingImports]
 
     def done(function: Callable[[], Any]) -> Callable[[], None]:
         def run() -> None:

@@ -50,7 +50,7 @@ def jet(
     All are contractions of the same net points, last axis first; derivatives are per unit of `t`.
     """
     ndim = points.ndim
-    parts = {(): points}
+    parts: dict[tuple[int, ...], Array] = {(): points}
     for axis in reversed(range(ndim)):
         weights = [cubic_bernstein(t[axis], k) for k in range(order + 1)]
         # Sums, not products of matrices: these are slow where they are many and small.

@@ -10,6 +10,7 @@ import contourfair_jax as cf
 from contourfair_jax._boxes import interval_averages
 from contourfair_jax._extent import padded_count
 from contourfair_jax._observe import along
+from contourfair_jax._optimise import search
 from contourfair_jax._prior import cosines
 from contourfair_jax.inverse import (
     BFGS,
@@ -422,10 +423,9 @@ def test_a_deviation_that_did_not_converge_is_nan(values_fit):
     assert np.isnan(found)
 
 
-@pytest.mark.parametrize("optimiser", [cf.GaussNewton(), cf.LBFGS()], ids=["newton", "lbfgs"])
+@pytest.mark.parametrize("optimiser", [GaussNewton(), LBFGS()], ids=["newton", "lbfgs"])
 def test_products_keep_float32(optimiser):
     """No product in the optimisers that a GPU may round to ten bits."""
-    from contourfair_jax._optimise import search
 
     def run(z):
         return search(optimiser, lambda x: x * x - 1, z, jnp.ones((), z.dtype), None)

@@ -14,9 +14,9 @@ import numpy as np
 
 import contourfair_jax as cf
 from benchmarks import clock, machine, report
-from benchmarks.cost import sample_gradient, waves
+from benchmarks.cost import waves
 from benchmarks.report import Result, Track, size
-from benchmarks.targets import fairing, global_operations, local_operations
+from benchmarks.targets import fairing, operations, reverse_over_forward
 
 X64 = True  # the references; what is timed is float32
 REPEATS = 3
@@ -52,19 +52,13 @@ def build(name: str, shape: tuple[int, ...], peak: float, bandwidth: float) -> R
     method = METHODS[name]()
     seconds = clock.median(fairing(shape, method), REPEATS)
     count = int(np.prod(shape))
-    if name == "local":
-        operations = local_operations(len(shape)) * np.prod([n - 2 for n in shape])
-    else:
-        fitted = cf.fair_field(jnp.asarray(waves(shape)), method=method).report
-        assert fitted is not None
-        operations = global_operations(len(shape), int(fitted.steps.sum())) * count
     moved = 4 * (1 + 3 ** len(shape)) * count
     return {
         "what": name,
         "shape": list(shape),
         "seconds": seconds,
         "ns_per_sample": 1e9 * seconds / count,
-        "over_arithmetic": seconds / (operations / peak),
+        "over_arithmetic": seconds / (operations(shape, method) / peak),
         "over_bandwidth": seconds / (moved / bandwidth),
     }
 
@@ -90,8 +84,7 @@ def agreement(name: str, shape: tuple[int, ...]) -> Result:
 
 def reverse(name: str, shape: tuple[int, ...]) -> Result:
     """What the gradient of a loss in the samples takes beyond the fairing."""
-    forward = clock.median(fairing(shape, METHODS[name]()), REPEATS)
-    ratio = sample_gradient(shape, METHODS[name]) / forward - 1
+    ratio = reverse_over_forward(shape, METHODS[name]())
     return {"what": name, "shape": list(shape), "reverse_over_forward": ratio}
 
 

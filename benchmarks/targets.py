@@ -71,13 +71,22 @@ def global_operations(ndim: int, steps: int, iterations: int = 3) -> float:
     return 2.0 * ndim * (ndim + 1) / 2 * 16.0**ndim * (steps + 3 * (iterations + 1))
 
 
+def operations(shape: tuple[int, ...], method: Any) -> float:
+    """Floating-point operations of one fairing of `waves(shape)`."""
+    if isinstance(method, cf.LocalFairing):
+        return local_operations(len(shape)) * _inner(shape)
+    fitted = cf.fair_field(waves(shape), method=method).report
+    assert fitted is not None
+    return global_operations(len(shape), int(fitted.steps.sum())) * float(np.prod(shape))
+
+
 def local(shape: tuple[int, ...], peak: float, least: float) -> list[Result]:
     """Against a straightforward program and against the roofline of its own operations."""
     seconds = clock.median(fairing(shape, cf.LocalFairing()), 3)
     lu = clock.median(fairing(shape, cf.LocalFairing(solver=cf.LU())), 3)
     values = jnp.asarray(waves(shape))
     naive = clock.median(partial(fair_naively.lower(values).compile(), values), 3)
-    floor = local_operations(len(shape)) * _inner(shape) / peak
+    floor = operations(shape, cf.LocalFairing()) / peak
     name = f"local {size(shape)}"
     return [
         _target(f"{name}: straightforward / engine", naive / seconds, least, "least"),
@@ -89,11 +98,8 @@ def local(shape: tuple[int, ...], peak: float, least: float) -> list[Result]:
 def whole(shape: tuple[int, ...], peak: float) -> tuple[float, Result]:
     """Seconds of global fairing, and against the roofline of its own operations."""
     method = cf.GlobalFairing(tolerance=1e-3)
-    fitted = cf.fair_field(waves(shape), method=method).report
-    assert fitted is not None
-    steps = int(fitted.steps.sum())
+    floor = operations(shape, method) / peak
     seconds = clock.median(fairing(shape, method), 3)
-    floor = global_operations(len(shape), steps) * np.prod(shape) / peak
     return seconds, _target(
         f"global {size(shape)}: engine / roofline", seconds / floor, 3.0, "most"
     )
@@ -131,10 +137,15 @@ def queries(shape: tuple[int, ...]) -> list[Result]:
     ]
 
 
-def reverse(shape: tuple[int, ...], method: Any, name: str) -> Result:
+def reverse_over_forward(shape: tuple[int, ...], method: Any) -> float:
     """What the gradient of a loss in the samples takes beyond the fairing."""
     forward = clock.median(fairing(shape, method), 3)
-    ratio = sample_gradient(shape, lambda: method) / forward - 1
+    return sample_gradient(shape, lambda: method) / forward - 1
+
+
+def reverse(shape: tuple[int, ...], method: Any, name: str) -> Result:
+    """The reverse pass against its limit."""
+    ratio = reverse_over_forward(shape, method)
     return _target(f"{name} {size(shape)}: reverse pass / forward", ratio, 3.0, "most")
 
 

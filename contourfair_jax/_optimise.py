@@ -222,18 +222,6 @@ def search(
     `report` is called with the step, the loss and the gradient, by the compiled program.
     Entries of the histories after the last step are NaN.
     """
-    # Libraries leave the precision of products of vectors to the default, which is low on GPUs.
-    with jax.default_matmul_precision("highest"):
-        return _search(optimiser, residuals, z, size, report)
-
-
-def _search(
-    optimiser: AbstractOptimiser,
-    residuals: Residuals,
-    z: Float[Array, "*shape"],
-    size: Float[Array, ""],
-    report: Report | None,
-) -> Search:
     # Optimisers see residuals and unknowns in units of `size`, so that tolerances are absolute.
     size = jnp.where(size == 0, 1, size)
 
@@ -257,7 +245,9 @@ def _search(
 
     def advance(carry: tuple) -> tuple:
         z, arrays, step, histories = carry
-        z, state = optimiser.step(scaled, z, eqx.combine(arrays, static))
+        # Libraries leave the precision of products to the default, which is low on GPUs.
+        with jax.default_matmul_precision("highest"):
+            z, state = optimiser.step(scaled, z, eqx.combine(arrays, static))
         return z, eqx.filter(state, eqx.is_array), step + 1, record(z, step + 1, histories)
 
     empty = jnp.full((optimiser.max_steps + 1,), jnp.nan, z.dtype)

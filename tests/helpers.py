@@ -1,6 +1,7 @@
-"""What the tests of the engine share: nets as NumPy arrays, samples by name, a tolerance."""
+"""What the tests of the engine share: nets as arrays, samples by name, products, a tolerance."""
 
 import cases
+import jax
 import numpy as np
 
 import contourfair_jax as cf
@@ -15,6 +16,12 @@ def net_of(values, spacing=1.0, **settings):
 def samples_of(name, grid, seed=0):
     """Float64 samples of a field of the master table."""
     return cases.FIELDS[name].samples(grid.shape, np.random.default_rng(seed))
+
+
+def matrix_products(function, *arguments):
+    """The lines of the lowered program that multiply matrices."""
+    program = jax.jit(function).lower(*arguments).as_text()
+    return [line for line in program.splitlines() if "stablehlo.dot_general" in line]
 
 
 def assert_close(ours, expected, relative):

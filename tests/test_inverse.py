@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import splines
+from helpers import matrix_products
 
 import contourfair_jax as cf
 from contourfair_jax._boxes import interval_averages
@@ -430,7 +431,6 @@ def test_products_keep_float32(optimiser):
     def run(z):
         return search(optimiser, lambda x: x * x - 1, z, jnp.ones((), z.dtype), None)
 
-    program = jax.jit(run).lower(jax.ShapeDtypeStruct((5,), jnp.float32)).as_text()
-    products = [line for line in program.splitlines() if "stablehlo.dot_general" in line]
+    products = matrix_products(run, jax.ShapeDtypeStruct((5,), jnp.float32))
     assert products
     assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)

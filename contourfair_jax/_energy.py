@@ -207,7 +207,7 @@ def _places(ndim: int) -> np.ndarray:
     """Where the entries of the whole matrix stand among those of its blocks."""
     sizes = block_sizes("fairing", ndim)
     starts = np.cumsum(sizes) - sizes
-    places = np.empty((sizes.sum(),) * 2, int)
+    places = np.empty((sizes.sum(),) * 2, np.int32)
     first = 0
     for p, q in itertools.chain(*block_pairs(ndim)):
         block = first + np.arange(sizes[p] * sizes[q]).reshape(sizes[p], sizes[q])

@@ -6,7 +6,7 @@ import itertools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ._basis import bernstein
 from ._xla import materialise
@@ -66,6 +66,16 @@ def jet(
         )
         for n in range(order + 1)
     ]
+
+
+def is_flat(
+    value: Float[Array, "*batch"],
+    gradient: Float[Array, "*batch ndim"],
+    spacing: Float[Array, " ndim"],
+) -> Bool[Array, "*batch"]:
+    """Whether a gradient is no larger than the rounding of the values that it comes from."""
+    largest = jnp.max(jnp.abs(gradient) * jnp.broadcast_to(spacing, gradient.shape), axis=-1)
+    return largest <= 8 * jnp.finfo(value.dtype).eps * jnp.abs(value)
 
 
 def refine_axis(net: Float[Array, "..."], axis: int, factor: int) -> Float[Array, "..."]:

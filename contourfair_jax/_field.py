@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import _check
-from ._bezier import cell_extreme, gather_cells, jet, refine_axis
+from ._bezier import cell_extreme, gather_cells, is_flat, jet, refine_axis
 from ._method import FitReport
 
 if TYPE_CHECKING:
@@ -102,7 +102,20 @@ class BezierField(eqx.Module):
         ValueError
             As for a call of the field.
         """
-        return self._derivatives(points, outside, 1)[1]
+        return self.value_and_gradient(points, outside)[1]
+
+    def value_and_gradient(
+        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+    ) -> tuple[Array, Array]:
+        """Values (...) and gradients (..., ndim) at physical coordinates, from one gather.
+
+        Raises
+        ------
+        ValueError
+            As for a call of the field.
+        """
+        value, gradient = self._derivatives(points, outside, 1)
+        return value[..., 0], gradient
 
     def hessian(
         self, points: Float[Array, "*batch ndim"], outside: str = "nan"
@@ -140,16 +153,17 @@ class BezierField(eqx.Module):
 
         `tr(H P) / ((ndim - 1) |g|)` with `P = I - n n^T`: the curvature of a contour in 2-D, the
         mean of the principal curvatures of an isosurface in 3-D.  Positive where the level set
-        bends away from the gradient: 1 / r for the field |x|.  Zero where the gradient vanishes.
+        bends away from the gradient: 1 / r for the field |x|.  Zero where the gradient vanishes, up
+        to the rounding of the values.
 
         Raises
         ------
         ValueError
             As for a call of the field.
         """
-        _, gradient, hessian = self.jet(points, outside)
+        value, gradient, hessian = self.jet(points, outside)
         squared = jnp.sum(gradient * gradient, axis=-1)
-        flat = squared == 0
+        flat = is_flat(value, gradient, self.spacing)
         squared = jnp.where(flat, 1, squared)
         along = jnp.einsum("...a,...ab,...b->...", gradient, hessian, gradient, precision="highest")
         trace = jnp.trace(hessian, axis1=-2, axis2=-1)
@@ -257,7 +271,8 @@ class BezierField(eqx.Module):
         nowhere = jnp.any(jnp.isnan(grid), axis=-1, keepdims=True)
         grid = jnp.where(nowhere, 0, grid)
         if outside == "clamp":
-            grid = jnp.clip(grid, 0, cells)
+            # Not `clip`, which passes on half of a derivative at the limits.
+            grid = jnp.where(grid < 0, 0, jnp.where(grid > cells, cells, grid))
         cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
         fours = gather_cells(self.control_points, cell.astype(jnp.int32))
         local = jet

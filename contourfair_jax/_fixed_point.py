@@ -1,8 +1,9 @@
 """The limit of a contraction, differentiated by the implicit function theorem.
 
 A fixed point z = S(z, t) moves with `dz = S_z dz + S_t dt`.  So its derivative solves a linear
-system with I - S_z, in forward mode, or its transpose, in reverse mode; as S contracts, the Neumann
-series `v <- v + (b - (v - S_z v))` converges like the iteration.  Nothing of that is kept.
+system with I - S_z, in forward mode, or its transpose, in reverse mode.  The systems are solved by
+BiCGStab: S contracts in the end, but S_z is not symmetric, and the terms of a Neumann series can
+grow before they shrink.  Nothing of the iteration is kept.
 """
 
 from collections.abc import Callable
@@ -16,8 +17,10 @@ from jaxtyping import Array, Float
 
 State = TypeVar("State")
 
-# Terms of the series at most.
-MOST_TERMS = 100
+# Steps of the linear solver at most, each of them two products.
+MOST_STEPS = 200
+# Relative residual above which there is no derivative to speak of: it becomes NaN.
+WORST_RESIDUAL = 0.01
 
 
 def fixed_point(
@@ -37,7 +40,8 @@ def fixed_point(
     like
         A state, for its shape.
     tolerance
-        Residual of the linear systems relative to their right-hand side.
+        Residual of the linear systems relative to their right-hand side.  Derivatives are NaN where
+        it cannot be brought near that.
     """
 
     def residual(state: State) -> State:
@@ -48,30 +52,40 @@ def fixed_point(
         value = jax.lax.custom_linear_solve(
             lambda x: ravel_pytree(matvec(unravel(x)))[0],
             flat,
-            partial(_neumann, tolerance=tolerance),
-            partial(_neumann, tolerance=tolerance),
+            partial(_solve, tolerance=tolerance),
+            partial(_solve, tolerance=tolerance),
         )
         return unravel(value)
 
     return jax.lax.custom_root(residual, like, lambda *_: solve(), tangent_solve, has_aux=True)
 
 
-def _neumann(matvec: Callable, rhs: Float[Array, " n"], tolerance: float) -> Float[Array, " n"]:
-    """Solve with an operator that is near the identity.
-
-    Stops at the tolerance, or where the residual has stopped to shrink.
-    """
-    target = tolerance * jnp.linalg.norm(rhs)
+def _solve(matvec: Callable, rhs: Float[Array, " n"], tolerance: float) -> Float[Array, " n"]:
+    """Solve with an operator that is not symmetric, by BiCGStab; NaN if that fails."""
+    # Written out: JAX cannot transpose the rule of its own `bicgstab` inside another linear solve,
+    # and that of lineax takes negative steps for a breakdown in float32.
+    size = jnp.linalg.norm(rhs)
+    first = rhs / jnp.where(size > 0, size, 1)
 
     def unfinished(carry: tuple) -> Array:
-        _, _, size, last, terms = carry
-        return (size > target) & (size < 0.9 * last) & (terms < MOST_TERMS)
+        _, residual, _, _, steps = carry
+        return (jnp.linalg.norm(residual) > tolerance) & (steps < MOST_STEPS)
 
     def advance(carry: tuple) -> tuple:
-        value, residual, size, _, terms = carry
-        value = value + residual
-        residual = rhs - matvec(value)
-        return value, residual, jnp.linalg.norm(residual), size, terms + 1
+        value, residual, direction, along, steps = carry
+        image = matvec(direction)
+        length = along / jnp.vdot(first, image)
+        half = residual - length * image
+        turned = matvec(half)
+        damping = jnp.vdot(turned, half) / jnp.vdot(turned, turned)
+        value = value + length * direction + damping * half
+        residual = half - damping * turned
+        next_along = jnp.vdot(first, residual)
+        direction = direction - damping * image
+        direction = residual + (next_along / along) * (length / damping) * direction
+        return value, residual, direction, next_along, steps + 1
 
-    start = jnp.zeros_like(rhs), rhs, jnp.linalg.norm(rhs), jnp.full_like(target, jnp.inf), 0
-    return jax.lax.while_loop(unfinished, advance, start)[0]
+    start = jnp.zeros_like(first), first, first, jnp.vdot(first, first), 0
+    value = jax.lax.while_loop(unfinished, advance, start)[0]
+    error = jnp.linalg.norm(first - matvec(value))
+    return jnp.where(error <= max(WORST_RESIDUAL, tolerance), value * size, jnp.nan)

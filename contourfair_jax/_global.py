@@ -22,8 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import _check
-from ._energy import FLAT
+from . import _check, _noise
 from ._fixed_point import fixed_point
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cells_to_row, row_to_cells, to_net
@@ -148,7 +147,7 @@ class GlobalFairing(AbstractFairing):
         free = jnp.ones(start.shape, dtype=bool).at[0].set(~exact.ravel())
         energy = energy_form(spacing, shape, self.tension, self.smoothness)
         structure = structure_form(spacing, shape)
-        trust = self._trust(shape, missing, spread)
+        trust = _noise.trust(self.sigma, missing, spread)
 
         @partial(jax.checkpoint, prevent_cse=False, policy=save_solutions)
         def improve(state: tuple[Array, Array, Array], powers: Powers) -> tuple[tuple, tuple]:
@@ -158,15 +157,11 @@ class GlobalFairing(AbstractFairing):
             system = LinearSystem(energy, weights, start, free, pins)
             solution = solve(system, dofs, size, self._precision())
             update = jnp.max(jnp.abs(solution.value - dofs))
-            # Where samples pull hard the mean square goes with stiffness^-2, else it is slower.
-            deviation = jnp.sum(trust * (solution.value[0] - start[0]) ** 2)
-            deviation = deviation / jnp.maximum(jnp.sum(trust > 0, dtype=trust.dtype), 1)
-            stiffness = stiffness * jnp.maximum(deviation, FLAT**2) ** 0.75
+            stiffness = _noise.next_stiffness(stiffness, trust, solution.value[0] - start[0])
             state = solution.value, stiffness, solution.size
             return state, (update, solution.steps, solution.residual)
 
-        stiffness = jnp.asarray(1.0, values.dtype) / jnp.maximum(jnp.max(trust), 1)
-        state = start, stiffness, jnp.zeros((), values.dtype)
+        state = start, _noise.first_stiffness(trust), jnp.zeros((), values.dtype)
         powers = Powers(
             *(jnp.asarray(p, values.dtype) for p in (self.thin_plate_weight, self.norm))
         )
@@ -225,13 +220,6 @@ class GlobalFairing(AbstractFairing):
 
     def _precision(self) -> Precision:
         return Precision(self.tolerance, self.max_steps, bool(self.coarse_grids))
-
-    def _trust(self, shape: tuple[int, ...], missing: Array, spread: Array) -> Array:
-        """1 / sigma^2 of every sample in units of the spread; zero where nothing is known."""
-        if self.sigma is None:
-            return jnp.zeros(missing.size, spread.dtype)
-        sigma = jnp.broadcast_to(jnp.asarray(self.sigma, spread.dtype), shape) / spread
-        return jnp.where(missing, 0, 1 / sigma**2).ravel()
 
     def _weights(
         self, structure: CellForm, energy: CellForm, dofs: Array, powers: Powers

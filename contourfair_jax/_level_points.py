@@ -6,10 +6,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from . import _check
+from ._bezier import is_flat
 from ._field import BezierField
 
 # Longest step of a projection, in cells: points stay near where they were found.
 LONGEST_STEP = 0.5
+# Part of the squared gradient that has to lie along the border for points to slide along it.
+LEAST_ALONG = 1e-4
 
 
 def level_points(
@@ -32,8 +35,9 @@ def level_points(
     Returns
     -------
     array, shape (..., ndim)
-        On the level set.  Changes of the field and the level move them along the gradient; changes
-        of the points given move them along the level set.  A point that is NaN stays NaN.
+        On the level set.  Changes of the field and the level move them along the gradient, points
+        on the border of the grid along the border; changes of the points given move them along the
+        level set.  A point that is NaN stays NaN.
 
     Raises
     ------
@@ -87,8 +91,23 @@ def _tied_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def _across(field: BezierField, points: Array) -> Array:
-    """g / |g|^2, or zero where the gradient vanishes."""
-    gradient = field.gradient(points, "extend")
-    squared = jnp.sum(gradient * gradient, axis=-1, keepdims=True)
-    flat = squared == 0
+    """g / |g|^2, or zero where the gradient vanishes; on the border g is that along it."""
+    value, gradient = field.value_and_gradient(points, "extend")
+    flat = is_flat(value, gradient, field.spacing)[..., None]
+    along = jnp.where(_at_border(field, points), 0, gradient)
+    whole, kept = (jnp.sum(g * g, axis=-1, keepdims=True) for g in (gradient, along))
+    # A level set that runs along the border can only move off it.
+    gradient, squared = (
+        jnp.where(kept > LEAST_ALONG * whole, *pair) for pair in ((along, gradient), (kept, whole))
+    )
     return jnp.where(flat, 0, gradient / jnp.where(flat, 1, squared))
+
+
+def _at_border(field: BezierField, points: Array) -> Array:
+    """Along which axes a point lies at an end of the grid, up to rounding."""
+    last = jnp.asarray(field.shape, field.dtype) - 1
+    spacing, origin, last = (
+        jnp.broadcast_to(x, points.shape) for x in (field.spacing, field.origin, last)
+    )
+    grid = jax.lax.stop_gradient((points - origin) / spacing)
+    return jnp.minimum(jnp.abs(grid), jnp.abs(grid - last)) <= 8 * jnp.finfo(grid.dtype).eps * last

@@ -51,11 +51,6 @@ def length(
     ValueError
         For a field that is not 2-D, or no lines.
 
-    Notes
-    -----
-    Lines that end at the border of the grid keep these ends only along the gradient; use closed
-    lines where that matters.
-
     Examples
     --------
     >>> import jax, jax.numpy as jnp

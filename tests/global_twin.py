@@ -265,7 +265,7 @@ def fit(values, spacing, settings):
     if settings.sigma is not None:
         relative = np.broadcast_to(np.asarray(settings.sigma, float), shape).ravel() / spread
         trust = np.where(np.isnan(samples), 0, 1 / relative**2)
-        stiffness = 1 / max(trust.max(), 1)
+        stiffness = first_stiffness = 1 / max(trust.max(), 1)
 
     unknowns, normals = None, None
     for iteration in range(settings.iterations + 1):
@@ -282,6 +282,7 @@ def fit(values, spacing, settings):
         deviations = (unknowns[:: 2**ndim] - np.nan_to_num(samples)) ** 2 * trust
         mean_square = deviations.sum() / (trust > 0).sum()
         stiffness *= max(mean_square, FLAT**2) ** 0.75
+        stiffness = max(stiffness, 1e-6 * first_stiffness)
     unknowns = unknowns.reshape(-1, 2**ndim) * spread
     unknowns[:, 0] += centre
     return unknowns

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import contourfair_jax as cf
+from contourfair_jax._fixed_point import fixed_point
 
 SLOW = pytest.mark.slow
 BOTH = pytest.mark.both_precisions
@@ -236,6 +237,17 @@ def test_points_outside_have_finite_derivatives(rng):
     assert bool(jnp.isfinite(in_points[1]).all())
 
 
+def test_clamped_points_on_the_border_keep_their_slope(rng):
+    net = jnp.asarray(cases.FIELDS["smooth_random"].samples((13, 10), rng))
+    field = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
+    slope = jax.vmap(jax.grad(lambda point: field(point, outside="clamp")))
+    ends = jnp.array([[0.0, 1.3], [4.0, 1.3], [2.2, 0.0], [4.0, 3.0]])
+    np.testing.assert_allclose(slope(ends), field.gradient(ends), rtol=1e-12)
+    beyond = slope(ends + jnp.array([[-0.1, 0.0], [0.1, 0.0], [0.0, -0.1], [0.1, 0.1]]))
+    inside = field.gradient(ends) * jnp.array([[0.0, 1.0], [0.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_allclose(beyond, inside, rtol=1e-12)
+
+
 # Converged global fairing ----------------------------------------------------------------
 
 
@@ -277,6 +289,41 @@ def test_the_limit_is_differentiated_implicitly(sigma, rng):
     directions = jax.tree.map(lambda leaf: jnp.asarray(rng.normal(size=leaf.shape)), arguments)
     _, forward = jax.jit(lambda a, t: jax.jvp(limit, (a,), (t,)))(arguments, directions)
     assert float(forward) == pytest.approx(inner(implicit, directions), rel=1e-8)
+
+
+@SLOW
+@pytest.mark.parametrize("sigma", [None, 0.05, 0.6])
+def test_the_limit_where_its_series_grows_at_first(sigma, rng):
+    """Sharp normals, hardly any thin plate: against differences."""
+    values, direction = (jnp.asarray(rng.normal(size=(5, 6))) for _ in range(2))
+    rest = {"spacing": np.ones(2), "thin_plate_weight": 0.003, "norm": 1.0}
+    if sigma:
+        rest["sigma"] = sigma
+
+    @jax.jit
+    def loss(values):
+        arguments = {"values": values, **rest}
+        return limit_loss(arguments, converge=1e-10, iterations=400, sharpness=3)
+
+    slope = jnp.vdot(jax.grad(loss)(values), direction)
+    step = 1e-5 * direction
+    difference = (loss(values + step) - loss(values - step)) / 2e-5
+    np.testing.assert_allclose(slope, difference, rtol=1e-6, atol=1e-6)
+
+
+@BOTH
+def test_derivatives_of_a_fixed_point_need_not_contract_but_exist():
+    """Right ones of a turn that grows; NaN rather than wrong ones where there are none."""
+    turn = jnp.array([[0.0, -1.5], [1.5, 0.0]])
+
+    def limit(shift, matrix):
+        known = jnp.ones(2), None
+        point, _ = fixed_point(lambda z: matrix @ z + shift, lambda: known, jnp.zeros(2), 1e-5)
+        return jnp.sum(point)
+
+    expected = np.linalg.inv(np.eye(2) - np.asarray(turn)).sum(axis=0)
+    np.testing.assert_allclose(jax.grad(limit)(jnp.ones(2), turn), expected, rtol=1e-5)
+    assert bool(jnp.isnan(jax.grad(limit)(jnp.ones(2), jnp.eye(2))).all())
 
 
 @SLOW

@@ -89,6 +89,25 @@ def test_measures_of_a_disk(disk, rng):
     assert float(reverse[1]) == pytest.approx(-integral, rel=1e-4)
 
 
+def test_length_of_lines_that_end_at_the_border(rng):
+    """Their ends slide along it."""
+    field = field_of(hill(2, 9))
+    level = -4.0
+    direction = direction_of(field, rng)
+    lines = field.contours(level, tolerance=1e-5)
+    assert len(lines) > 1
+    assert not any(line.closed for line in lines)
+
+    def traced(t):
+        return sum(
+            np.linalg.norm(np.diff(line.points, axis=0), axis=1).sum()
+            for line in moved(field, direction, t).contours(level, tolerance=1e-5)
+        )
+
+    _, slope = jax.jvp(lambda t: geometry.length(moved(field, direction, t), lines), (0.0,), (1.0,))
+    assert float(slope) == pytest.approx((traced(1e-4) - traced(-1e-4)) / 2e-4, rel=1e-3)
+
+
 @pytest.mark.slow
 def test_second_derivatives(disk, rng):
     """The points follow the contour: their slopes change as those at the places that they reach."""
@@ -139,6 +158,27 @@ def test_points_stay_on_the_contour(disk, rng):
     changed = moved(field, direction, 1e-2)
     projected = geometry.level_points(changed, points, LEVEL)
     assert float(jnp.abs(changed(projected) - LEVEL).max()) < 1e-7
+
+
+@pytest.mark.both_precisions
+@pytest.mark.parametrize("value", [0.0, 3.7, -1e6])
+def test_a_constant_has_no_curvature_and_nowhere_to_move_to(value):
+    """Roundings of its gradient are not taken for one."""
+    net = jnp.full((13, 13), value)
+    points = jnp.array([[0.3, 0.7], [1.9, 2.2], [3.1, 0.0]])
+
+    def measures(net, level):
+        field = BezierField(net, jnp.ones(2), jnp.zeros(2))
+        moved = geometry.level_points(field, points, level)
+        return jnp.sum(moved**2) + jnp.sum(field.mean_curvature(points) ** 2)
+
+    field = BezierField(net, jnp.ones(2), jnp.zeros(2))
+    np.testing.assert_array_equal(field.mean_curvature(points), 0)
+    in_net, in_level = jax.grad(measures, argnums=(0, 1))(net, jnp.asarray(value))
+    assert bool((in_net == 0).all())
+    assert float(in_level) == 0
+    turned = jax.jvp(jax.grad(measures), (net, jnp.asarray(value)), (net, jnp.asarray(0.0)))[1]
+    assert bool(jnp.isfinite(turned).all())
 
 
 def test_flat_places_and_missing_points():

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from . import _check
 from ._basis import bernstein, quadrature
 from ._extent import check_finite, check_sigma
+from ._method import is_traced
 from ._misfit import Averages
 from ._observe import AbstractObservation
 
@@ -58,13 +59,19 @@ class BoxAverages(AbstractObservation):
         corner = extent.origin if self.corner is None else self.corner
         size = _check.check_per_axis(self.size, ndim, extent.dtype, "size", positive=True)
         corner = _check.check_per_axis(corner, ndim, extent.dtype, "corner")
-        last = corner + size * jnp.asarray(shape, extent.dtype)
-        extent.check_inside(jnp.stack([corner, last]), "BoxAverages")
+        if is_traced(size, corner, extent.spacing, extent.origin):
+            raise ValueError(
+                "BoxAverages must know where its boxes lie, got a traced size, corner, spacing or "
+                "origin; give them as numbers"
+            )
+        unit, origin = np.asarray(extent.spacing, float), np.asarray(extent.origin, float)
+        first = (np.asarray(corner, float) - origin) / unit
+        widths = np.asarray(size, float) / unit
+        ends = np.asarray(corner, float) + np.asarray(size, float) * np.array([[0] * ndim, shape])
+        extent.check_inside(ends, "BoxAverages")
         matrices = []
         for axis, (boxes, samples) in enumerate(zip(shape, extent.shape, strict=True)):
-            unit = float(extent.spacing[axis])
-            first = (float(corner[axis]) - float(extent.origin[axis])) / unit
-            edges = first + float(size[axis]) / unit * np.arange(boxes + 1)
+            edges = first[axis] + widths[axis] * np.arange(boxes + 1)
             matrices.append(jnp.asarray(interval_averages(edges, samples), extent.dtype))
         values = jnp.asarray(self.values, extent.dtype)
         sigma = jnp.broadcast_to(jnp.asarray(self.sigma, extent.dtype), shape)

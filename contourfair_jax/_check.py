@@ -77,19 +77,21 @@ def check_per_axis(
     array = value if isinstance(value, jax.Array) else np.asarray(value)
     if array.dtype.kind not in "fiu" or array.shape not in ((), (ndim,)):
         raise ValueError(
-            f"{name} must be one real number or {ndim} of them, one per axis, "
-            f"got {_describe(value)}"
+            f"{name} must be one real number or {ndim} of them, one per axis, got {describe(value)}"
         )
     if not isinstance(array, Tracer):
         known = np.asarray(array, dtype=np.float64)
         if not np.all(np.isfinite(known)) or (positive and np.any(known <= 0)):
             rule = "finite and above zero" if positive else "finite"
             raise ValueError(
-                f"{name} must be {rule} along every axis, got {_describe(value)}; "
+                f"{name} must be {rule} along every axis, got {describe(value)}; "
                 "flip the axis instead of using a negative spacing"
                 if positive
-                else f"{name} must be {rule} along every axis, got {_describe(value)}"
+                else f"{name} must be {rule} along every axis, got {describe(value)}"
             )
+        # Known also inside `jax.jit`, for those that need the numbers themselves.
+        with jax.ensure_compile_time_eval():
+            return jnp.broadcast_to(jnp.asarray(array, dtype=dtype), (ndim,))
     return jnp.broadcast_to(jnp.asarray(array, dtype=dtype), (ndim,))
 
 
@@ -143,7 +145,7 @@ def check_real(
     limits = f"{low} {least:g}" + ("" if most == np.inf else f" and at most {most:g}")
     bad = array.shape != () or array.dtype.kind not in "fiu" or not np.isfinite(array)
     if bad or array < least or array > most or (open_below and array == least):
-        raise ValueError(f"{name} must be a real number {limits}, got {_describe(value)}")
+        raise ValueError(f"{name} must be a real number {limits}, got {describe(value)}")
 
 
 def check_positive(value: object, name: str) -> None:
@@ -152,7 +154,7 @@ def check_positive(value: object, name: str) -> None:
         return
     array = np.asarray(value)
     if array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)) or not np.all(array > 0):
-        raise ValueError(f"{name} must hold finite numbers above zero, got {_describe(value)}")
+        raise ValueError(f"{name} must hold finite numbers above zero, got {describe(value)}")
 
 
 def check_shape(value: object, shape: tuple, name: str, *, scalar: bool = False) -> None:
@@ -170,7 +172,7 @@ def _is_placeholder(value: object) -> bool:
     return value is None or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array)
 
 
-def _describe(value: object) -> str:
+def describe(value: object) -> str:
     """A short text of what came, also for traced values."""
     if isinstance(value, Tracer):
         return f"an array of shape {value.shape} and dtype {value.dtype}"

@@ -59,7 +59,8 @@ class Extent(eqx.Module):
 
 
 def check_finite(array: ArrayLike, name: str) -> None:
-    """Raise ValueError for known numbers that are not finite."""
+    """Raise ValueError for what are no real numbers, and for known ones that are not finite."""
+    check_real_kind(array, name)
     if is_traced(array):
         return
     bad = ~np.isfinite(np.asarray(array, dtype=float))
@@ -70,11 +71,19 @@ def check_finite(array: ArrayLike, name: str) -> None:
         )
 
 
+def check_real_kind(array: ArrayLike, name: str) -> None:
+    """Raise ValueError for what are no real numbers."""
+    dtype = array.dtype if hasattr(array, "dtype") else np.asarray(array).dtype
+    if not (jnp.issubdtype(dtype, np.floating) or dtype.kind in "iub"):
+        raise ValueError(f"{name} must be real numbers, got {dtype}")
+
+
 def check_sigma(sigma: ArrayLike, shape: tuple[int, ...], kind: str) -> None:
     """Raise ValueError unless `sigma` is above zero, one number or one for each of the data."""
     if np.shape(sigma) not in ((), shape):
         wanted = "one number" if shape == () else f"one number or of shape {shape}"
         raise ValueError(f"sigma of {kind} must be {wanted}, got shape {np.shape(sigma)}")
+    check_real_kind(sigma, f"sigma of {kind}")
     if is_traced(sigma):
         return
     bad = ~(np.asarray(sigma, dtype=float) > 0)
@@ -82,6 +91,10 @@ def check_sigma(sigma: ArrayLike, shape: tuple[int, ...], kind: str) -> None:
         raise ValueError(
             f"sigma of {kind} must be above zero, got {np.asarray(sigma)[bad].flat[0]}; "
             "it is the standard deviation of the noise"
+        )
+    if np.isinf(np.asarray(sigma, dtype=float)).all():
+        raise ValueError(
+            f"sigma of {kind} must be finite for some of the data, got only infinity; leave it out"
         )
 
 

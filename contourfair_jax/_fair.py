@@ -82,8 +82,9 @@ def fair_field(
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
     method = method.prepare(values)
     net, report = _fit(settings_as_arrays(method, values.dtype), values, spacing)
-    if not is_traced(net):
-        method.warn(report)
+    known = jax.lax.stop_gradient(report)
+    if not is_traced(*jax.tree.leaves(known)):
+        method.warn(known)
     return BezierField(net, spacing, origin, report)
 
 

@@ -83,12 +83,13 @@ class GlobalFairing(AbstractFairing):
         samples.  Samples and C1 are kept, fairness is not.
     coarse_grids : bool or None
         Precondition with coarse grids, which wide holes need and which take longer to compile.
-        None decides by the samples; inside `jax.jit`, where they are unknown, it means False.
+        None decides by the samples; inside `jax.jit` and `jax.vmap`, where they are unknown, it
+        means False.
     tolerance : float
         Residual of each linear solve, relative to its right-hand side.
     max_steps : int
         Limit on the steps of each linear solve.  A solve that needs more sets
-        `field.report.converged` to false and, outside `jax.jit`, warns.
+        `field.report.converged` to false and, outside `jax.jit` and `jax.vmap`, warns.
 
     Raises
     ------
@@ -246,6 +247,8 @@ class GlobalFairing(AbstractFairing):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)
         cells = tuple(n - 1 for n in values.shape)
         _check.check_shape(self.cell_weights, cells, "cell_weights")
+        # Differentiated samples are known as well, or the derivative were of another problem.
+        values = jax.lax.stop_gradient(values)
         if is_traced(values):
             return self
         missing = np.isnan(np.asarray(values))

@@ -1,8 +1,11 @@
 """Fair upsampling as a layer of a network."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -10,6 +13,10 @@ from . import _check
 from ._fair import fair_field
 from ._local import LocalFairing
 from ._method import AbstractFairing
+
+
+def _hashable(spacing: float | Sequence[float]) -> float | tuple[float, ...]:
+    return spacing if np.ndim(spacing) == 0 else tuple(np.asarray(spacing).tolist())
 
 
 class FairUpsample(eqx.Module):
@@ -27,17 +34,21 @@ class FairUpsample(eqx.Module):
         Spatial axes, 2 or 3, the last of the input.
     method : AbstractFairing
         `LocalFairing()` by default.
+    spacing : float or sequence of `ndim` floats
+        Distance between samples along each axis of space: it is part of the energy, so that voxels
+        longer than wide are faired as what they are.  Not learned.
 
     Raises
     ------
     ValueError
-        For a factor below 1, another ndim, or (when called) fewer than 3 samples per axis.
+        For a factor below 1, another ndim, a spacing that is not above zero, or (when called) fewer
+        than 3 samples per axis.
 
     Notes
     -----
     A module of Equinox: it takes its place in `eqx.nn.Sequential`.  In Flax, whose arrays have
     channels last, call it between `jnp.moveaxis(x, -1, 1)` and its inverse.  Each shape of input is
-    compiled once.
+    compiled once.  Input of less than 32 bits is computed and returned in float32.
 
     Examples
     --------
@@ -51,10 +62,12 @@ class FairUpsample(eqx.Module):
     factor: int = eqx.field(static=True)
     ndim: int = eqx.field(static=True, default=2)
     method: AbstractFairing = eqx.field(default_factory=LocalFairing)
+    spacing: float | tuple[float, ...] = eqx.field(static=True, default=1.0, converter=_hashable)
 
     def __check_init__(self):
         _check.check_count(self.factor, 1, "factor")
         _check.check_choice(self.ndim, _check.DIMENSIONS, "ndim")
+        _check.check_per_axis(self.spacing, self.ndim, np.dtype(float), "spacing", positive=True)
         if not isinstance(self.method, AbstractFairing):
             raise ValueError(
                 f"method must be an object such as LocalFairing(), got {self.method!r}"
@@ -73,6 +86,9 @@ class FairUpsample(eqx.Module):
 @eqx.filter_jit
 def _upsampled(layer: FairUpsample, x: Array) -> Array:
     batch, shape = x.shape[: -layer.ndim], x.shape[-layer.ndim :]
-    refine = jax.vmap(lambda values: fair_field(values, method=layer.method).refine(layer.factor))
-    fine = refine(x.reshape(-1, *shape))
+
+    def refine(values: Array) -> Array:
+        return fair_field(values, spacing=layer.spacing, method=layer.method).refine(layer.factor)
+
+    fine = jax.vmap(refine)(x.reshape(-1, *shape))
     return fine.reshape(*batch, *fine.shape[1:])

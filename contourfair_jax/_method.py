@@ -53,9 +53,9 @@ class AbstractFairing(eqx.Module):
         return self
 
     def warn(self, report: FitReport | None) -> None:
-        """Warn of a fit that fell short; called outside jit only."""
+        """Warn of a fit that fell short; called where it is known."""
 
 
 def is_traced(*arrays: object) -> bool:
-    """Whether any of the arrays is abstract, as inside `jax.jit` or `jax.grad`."""
+    """Whether any of the arrays is abstract, as inside `jax.jit` or `jax.vmap`."""
     return any(isinstance(array, Tracer) for array in arrays)

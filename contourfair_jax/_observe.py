@@ -11,6 +11,7 @@ from jaxtyping import Array
 
 from . import _check
 from ._extent import Extent, check_finite, check_sigma, padded
+from ._method import is_traced
 from ._misfit import AbstractMisfit, Margins, PointSlopes, PointValues
 from .io import ContourLine
 
@@ -133,6 +134,11 @@ class ContourLines(AbstractObservation):
             _check.check_real(step, "step of ContourLines", open_below=True)
 
     def prepare(self, extent):
+        if is_traced(extent.spacing):
+            raise ValueError(
+                "spacing must be known for ContourLines, which are cut into pieces of about its "
+                "length, got a traced array; give it as numbers"
+            )
         smallest = float(np.min(np.asarray(extent.spacing)))
         step = smallest / 2 if self.step is None else self.step
         pieces = [along(points, step) for _, points in self.lines]
@@ -178,6 +184,10 @@ class Masks(AbstractObservation):
             raise ValueError(
                 f"inside of Masks must be boolean, got {kind}; compare, as in mask > 0"
             )
+        if jnp.shape(self.level) != ():
+            raise ValueError(
+                f"level of Masks must be one number, got shape {jnp.shape(self.level)}"
+            )
         check_finite(self.level, "level of Masks")
         check_sigma(self.sigma, shape, "Masks")
 
@@ -219,8 +229,15 @@ def _sites(
 
 def _as_pairs(lines: Sequence) -> Iterator[tuple[float, np.ndarray]]:
     for line in lines:
-        level, points = (line.level, line.points) if isinstance(line, ContourLine) else line
-        yield float(level), np.asarray(points, dtype=float)
+        try:
+            level, points = (line.level, line.points) if isinstance(line, ContourLine) else line
+            pair = float(level), np.asarray(points, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(
+                "lines of ContourLines must be pairs (level, points) of numbers, or ContourLine, "
+                f"got {_check.describe(line)}"
+            ) from None
+        yield pair
 
 
 def _check_points(points: ArrayLike, kind: str) -> tuple[int, ...]:

@@ -248,6 +248,24 @@ def test_clamped_points_on_the_border_keep_their_slope(rng):
     np.testing.assert_allclose(beyond, inside, rtol=1e-12)
 
 
+def test_what_is_differentiated_is_what_is_computed():
+    """Wide holes are seen, and warnings given, inside `jax.grad` as outside."""
+    values = np.add.outer(np.sin(np.arange(18.0)), np.arange(18.0) / 4)
+    values[5:14, 5:14] = np.nan
+    values = jnp.asarray(values)
+    method = cf.GlobalFairing(iterations=0, max_steps=3)
+
+    def loss(values):
+        return jnp.sum(cf.fair_field(values, method=method).control_points ** 2)
+
+    with pytest.warns(UserWarning, match="raise max_steps"):
+        value = loss(values)
+    with pytest.warns(UserWarning, match="raise max_steps"):
+        beside, slope = jax.value_and_grad(loss)(values)
+    assert float(beside) == float(value)
+    assert bool(jnp.isfinite(slope[0, 0]))
+
+
 # Converged global fairing ----------------------------------------------------------------
 
 

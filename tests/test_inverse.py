@@ -357,10 +357,22 @@ VALUES = np.array([1.0, 2.0])
         (lambda: Values(POINTS, VALUES, [1.0, -1.0]), r"^sigma of Values must be .* got -1.0"),
         (lambda: Values(POINTS, VALUES, np.nan), r"^sigma of Values must be above zero, got nan"),
         (lambda: Values(POINTS, VALUES, [1.0] * 3), r"^sigma of Values must be one number or"),
+        (lambda: Values(POINTS, VALUES, np.inf), r"^sigma of Values must be finite for some"),
+        (lambda: Values(POINTS, VALUES, "x"), r"^sigma of Values must be real numbers, got <U1"),
+        (
+            lambda: Values(POINTS, VALUES + 1j),
+            r"^values of Values must be real numbers, got complex",
+        ),
+        (lambda: Values(POINTS, ["a", "b"]), r"^values of Values must be real numbers, got <U1"),
         (lambda: Slopes(POINTS, VALUES), r"^gradients of Slopes must have shape \(2, 2\)"),
         (lambda: ContourLines([]), r"^lines of ContourLines must hold at least one line"),
         (lambda: ContourLines([(np.nan, POINTS)]), r"^levels of ContourLines must be finite"),
         (lambda: ContourLines([(1.0, POINTS)], step=0.0), r"^step of ContourLines must be"),
+        (lambda: ContourLines([POINTS]), r"^lines of ContourLines must be pairs \(level, points\)"),
+        (
+            lambda: Masks(POINTS, np.ones(2, bool), level=VALUES),
+            r"^level of Masks must be one number, got shape \(2,\)",
+        ),
         (lambda: Masks(POINTS, VALUES), r"^inside of Masks must be boolean, got float"),
         (lambda: Masks(POINTS, np.ones(2, bool), sigma=0), r"^sigma of Masks must be above zero"),
         (lambda: BoxAverages(VALUES, 1.0), r"^values of BoxAverages must be 2-D or 3-D"),
@@ -406,6 +418,19 @@ def test_bad_data_and_settings(make, message):
 def test_bad_input(observations, settings, message):
     with pytest.raises(ValueError, match=message):
         fit(observations, **settings)
+
+
+@SLOW
+@pytest.mark.parametrize(
+    "observations",
+    [ContourLines([(1.0, POINTS)]), BoxAverages(np.ones((3, 3)), 1.5, corner=(0.0, 4.0))],
+)
+def test_fits_inside_jit(observations):
+    """What is known outside is known inside; what is not, is asked for."""
+    inside = jax.jit(lambda: fit(observations).samples)()
+    np.testing.assert_allclose(inside, fit(observations).samples, atol=1e-6)
+    with pytest.raises(ValueError, match=r"give .* as numbers"):
+        jax.jit(lambda h: fit(observations, spacing=h).samples)(jnp.ones(2))
 
 
 @pytest.mark.parametrize("shape", [(8,), (2, 8), (8, 8, 8, 8), (8.0, 8), 8])

@@ -31,6 +31,20 @@ def test_volumes_and_single_images():
     assert cf.FairUpsample(1, method=METHOD)(jnp.zeros((0, 4, 3))).shape == (0, 4, 3)
 
 
+@pytest.mark.slow
+def test_spacing_is_part_of_the_energy():
+    x = jnp.asarray(np.random.default_rng(3).normal(size=(2, 5, 6)))
+    layer = cf.FairUpsample(2, spacing=[1.0, 2.5])
+    alone = cf.fair_field(x[1], spacing=(1.0, 2.5)).refine(2)
+    np.testing.assert_allclose(layer(x)[1], alone, atol=1e-12)
+    assert float(jnp.abs(cf.FairUpsample(2)(x)[1] - alone).max()) > 1e-3
+    assert hash(layer.spacing)
+    with pytest.raises(ValueError, match="spacing must be"):
+        cf.FairUpsample(2, spacing=(1.0, 2.0, 3.0))
+    with pytest.raises(ValueError, match="spacing must be finite and above zero"):
+        cf.FairUpsample(2, spacing=-1.0)
+
+
 def test_in_a_network_of_equinox():
     """Gradients reach the layers before it, and it adds no parameters."""
     convolution = eqx.nn.Conv2d(1, 2, 3, padding=1, key=jax.random.key(0))

@@ -75,7 +75,7 @@ def metrics(
         tables = {name: measure(each, chosen) for name, each in fields.items()}
         whole = {name: _whole(each) for name, each in fields.items()}
         whole["fair"] |= _sums(field)
-        changes = _changes(field, chosen)
+        changes = _changes(fields[plain], field, chosen)
     if plot is not None:
         from ._plot_metrics import metrics_figure
         from .plot import save_figure
@@ -140,11 +140,11 @@ def _sums(field: BezierField) -> dict[str, float]:
     }
 
 
-def _changes(field: BezierField, levels: Sequence[float]) -> list[Any]:
+def _changes(plain: BezierField, field: BezierField, levels: Sequence[float]) -> list[Any]:
     """Where parts merge and split; of contours only."""
     from ._compare import changes
 
-    return changes(field, levels) if field.ndim == 2 else []
+    return changes(plain, field, levels) if field.ndim == 2 else []
 
 
 COMMANDS = {

@@ -208,6 +208,19 @@ def test_metrics_command(scan, tmp_path, capsys):
     assert len(found["changes"]) == len(rows) - 7
 
 
+def test_metrics_command_leaves_the_same_cells_out(tmp_path, capsys):
+    x = np.linspace(-1, 1, 12)
+    plane = x[:, None] + 0.5 * x
+    plane[5, 5] = np.nan
+    np.save(tmp_path / "plane.npy", plane)
+    code, out, _ = call(capsys, "metrics", tmp_path / "plane.npy", "--levels", "0,0.3", "--json")
+    found = json.loads(out)
+    assert code == 0
+    plain, fair = ([row["length"] for row in found["table"][k]] for k in ("bilinear", "fair"))
+    assert plain == pytest.approx(fair, rel=1e-6)
+    assert found["changes"] == []
+
+
 def test_adaptive_command(scan, tmp_path, capsys):
     target = tmp_path / "leaves.vtu"
     code, out, _ = call(capsys, "adaptive", scan, "--tolerance", 0.05, "-o", target)

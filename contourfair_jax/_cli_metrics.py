@@ -108,8 +108,12 @@ def _lines(field: BezierField, levels: Sequence[float]) -> list[tuple]:
     from .metrics import level_metrics
 
     step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    found = level_metrics(field.contours(levels, 1e-3), step, levels)
-    return [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
+    lines = field.contours(levels, 1e-3)
+    found = level_metrics(lines, step, lines.levels)
+    # A level too close to the one below counts as that one.
+    same = np.searchsorted(lines.levels, levels, side="right") - 1
+    rows = [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
+    return [rows[k] for k in same.tolist()]
 
 
 def _surfaces(field: BezierField, levels: Sequence[float]) -> list[tuple]:

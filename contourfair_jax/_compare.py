@@ -116,11 +116,9 @@ def compare(
         levels = np.linspace(finite.min(), finite.max(), 12)[1:-1] if finite.size else finite
     chosen = check_levels(levels)
     step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    metrics = [
-        tuple(level_metrics(each.contours(chosen, tolerance), step, chosen.tolist()))
-        for each in (plain, field)
-    ]
-    return Comparison(metrics[0], metrics[1], tuple(changes(plain, field, chosen.tolist())))
+    lines = [each.contours(chosen, tolerance) for each in (plain, field)]
+    metrics = [tuple(level_metrics(each, step, each.levels)) for each in lines]
+    return Comparison(metrics[0], metrics[1], tuple(changes(plain, field, lines[1].levels)))
 
 
 def bilinear_field(field: BezierField) -> BezierField:

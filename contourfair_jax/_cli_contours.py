@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -92,12 +92,12 @@ def contours(
                 save_figure(figure, picture)
     for note in notes:
         say.note(note)
-    say.done(target, text, levels=chosen, **facts)
+    say.done(target, text, **facts)
 
 
 def _store_lines(
     target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
-) -> tuple[str, dict[str, int], tuple[str, ...]]:
+) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     """Store the lines; what there is in words and in numbers, and notes."""
     from .export import write_lines
     from .plot import level_colors
@@ -113,13 +113,18 @@ def _store_lines(
     elif target.suffix.lower() != ".png":
         notes += write_lines(target, lines, grid)
     vertices = sum(len(line.points) for line in lines)
-    facts = {"lines": len(lines), "vertices": vertices, "unproved": lines.unproved}
-    return f"{len(lines)} contours at {len(levels)} levels", facts, notes
+    facts = {
+        "levels": lines.levels,
+        "lines": len(lines),
+        "vertices": vertices,
+        "unproved": lines.unproved,
+    }
+    return f"{len(lines)} contours at {len(lines.levels)} levels", facts, notes
 
 
 def _store_bands(
     target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
-) -> tuple[str, dict[str, int], tuple[str, ...]]:
+) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     """Store what is below, between and above the levels; as for lines."""
     from .export import write_bands
 
@@ -127,8 +132,9 @@ def _store_bands(
         bands = field.filled([-float("inf"), *levels, float("inf")], tolerance)
     except ValueError as error:
         raise InputError(str(error)) from error
-    notes = write_bands(target, bands, grid)
-    return f"{len(bands)} bands", {"bands": len(bands)}, notes
+    notes = bands.notes + write_bands(target, bands, grid)
+    facts = {"levels": bands.levels[1:-1], "bands": len(bands), "unproved": bands.unproved}
+    return f"{len(bands)} bands", facts, notes
 
 
 COMMANDS = {

@@ -476,7 +476,7 @@ def test_bands_are_a_sequence():
     bands = field_of("cone").filled([0.9, 0.3, 0.6])
     assert bands.levels == (0.3, 0.6, 0.9)
     assert [(band.lower, band.upper) for band in bands] == [(0.3, 0.6), (0.6, 0.9)]
-    assert bands[0] is tuple(bands)[0]
+    assert bands[0] is next(iter(bands))
     assert bands[:1] == (bands[0],)
     assert (len(bands), bands.unproved, bands.notes) == (2, 0, ())
     assert "2 bands" in repr(bands)

@@ -91,6 +91,11 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Bands
     ------
     ValueError
         As for `contours`, and for fewer than two levels that can be told apart.
+
+    Notes
+    -----
+    A band is {lower < f <= upper}: a sample or plateau on a level belongs to the band below it.
+    Levels are raised against rounding as for `contours`; those reported are those asked for.
     """
     asked = check_levels(levels, infinite=True)
     tolerance = check_tolerance(tolerance)
@@ -117,5 +122,5 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Bands
         polygons = filler.band(*pair, (limits[k], limits[k + 1]))
         moved = [tuple(ring * spacing + origin for ring in polygon) for polygon in polygons]
         bands.append(Band(float(ends[k]), float(ends[k + 1]), tuple(moved)))
-    notes = level_notes(asked, ends, values) + unproved_note(unproved, "bands")
+    notes = level_notes(asked, ends, values, net[::3, ::3]) + unproved_note(unproved, "bands")
     return Bands(tuple(bands), tuple(ends.tolist()), unproved, notes)

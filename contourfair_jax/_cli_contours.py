@@ -64,8 +64,9 @@ def contours(
 ) -> None:
     """Draw or export fair contours: they lie on the fair field, are complete, and never cross.
 
-    Give one of --levels, --interval and --count; by default there are 10 levels.  Coordinates are
-    those of the file.
+    Give one of --levels, --interval and --count; by default there are 10 levels.  Samples that lie
+    on a level count as below it; for whole numbers, levels halfway between them have no plateaus.
+    Coordinates are those of the file.
     """
     from .plot import contour_figure, save_figure
 

@@ -24,13 +24,18 @@ class Values:
     Parameters
     ----------
     low, high : float
-    rounding : float
-        Of the largest sample, in the precision that the net was computed in.
+    precision : float
+        Rounding of numbers near 1, in the precision that the net was computed in.
     """
 
     low: float
     high: float
-    rounding: float
+    precision: float
+
+    @property
+    def rounding(self) -> float:
+        """Rounding of the largest sample."""
+        return self.precision * max(-self.low, self.high)
 
     @property
     def middle(self) -> float:
@@ -55,10 +60,10 @@ def values_of(net: np.ndarray) -> Values:
     """Range and rounding of the samples of a control net."""
     samples = net[(slice(None, None, 3),) * net.ndim]
     samples = samples[np.isfinite(samples)]
+    precision = float(np.finfo(net.dtype).eps)
     if not samples.size:
-        return Values(0.0, 0.0, 0.0)
-    low, high = float(samples.min()), float(samples.max())
-    return Values(low, high, float(np.finfo(net.dtype).eps) * max(-low, high))
+        return Values(0.0, 0.0, precision)
+    return Values(float(samples.min()), float(samples.max()), precision)
 
 
 def distinct(levels: np.ndarray, least: float) -> np.ndarray:

@@ -225,9 +225,32 @@ def test_lines_stay_on_the_level_far_from_zero(offset, rng):
     field = cf.fair_field(samples + offset)
     far = field.contours(np.add(levels, offset))
     assert metrics.crossings(far) == 0
-    assert (far.unproved, len(far), far.notes) == (0, len(near), ())
+    assert (far.unproved, len(far), far.notes[1:]) == (0, len(near), ())
+    assert "levels are on many samples" in far.notes[0]
     starts, _ = chords(far)
     assert np.abs(jet_at(field, starts)[0] - chord_levels(far)).max() <= 1e-9 * np.ptp(samples)
+
+
+def test_levels_of_many_samples_give_a_note(rng):
+    samples = rng.integers(0, 40, (15, 14)).astype(float)
+    samples[3:9, 2:8] = 7.0
+    samples[0, :2] = [8.0, 40.0]
+    field = cf.fair_field(samples)
+    levels = [6.75, 7.0, 39.5]
+    (note,) = field.contours(levels).notes
+    assert note.startswith("1 of 3 levels are on many samples")
+    assert "7; levels between samples, such as 7.5," in note
+    assert field.filled(levels).notes == (note,)
+    assert field.contours([6.75, 7.5]).notes == ()
+    assert "such as 3.5" in cf.fair_field(np.minimum(samples, 4)).contours(4.0).notes[-1]
+
+
+def test_rounding_of_many_digits_gives_a_note(rng):
+    samples = rng.normal(size=(15, 14))
+    levels = [0.25, 0.5]
+    for offset, dtype, noted in ((1e6, float, False), (1e8, float, True), (10, "f4", False)):
+        lines = cf.fair_field((samples + offset).astype(dtype)).contours(np.add(levels, offset))
+        assert any("above their levels" in note for note in lines.notes) == noted
 
 
 def test_rounding_of_float32_makes_no_specks():

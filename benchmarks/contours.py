@@ -208,7 +208,11 @@ def large_case(name: str, samples: np.ndarray) -> Result:
 
 
 def truth(field: BezierField, lines: list[tuple[float, np.ndarray]]) -> Result:
-    """Error of vertices over the range, and distance of chords from the contour, in cells."""
+    """Error of vertices over the range, and distance of chords from the contour, in cells.
+
+    Of the distances, found by Newton's method, the largest and the one that 99.9 % keep to: near
+    saddles that a line passes on the wrong side, Newton can go far.
+    """
     starts = np.concatenate([line[:-1] for _, line in lines])
     ends = np.concatenate([line[1:] for _, line in lines])
     levels = np.repeat([v for v, _ in lines], [len(line) - 1 for _, line in lines])
@@ -225,7 +229,11 @@ def truth(field: BezierField, lines: list[tuple[float, np.ndarray]]) -> Result:
             squared = np.maximum((gradient**2).sum(1), 1e-300)
             true = true - ((value - levels) / squared)[:, None] * gradient
         farthest = np.maximum(farthest, np.linalg.norm(true - points, axis=1))
-    return {"vertex_error": float(vertex), "chord_distance": float(farthest.max())}
+    return {
+        "vertex_error": float(vertex),
+        "chord_within": float(np.quantile(farthest, 0.999)),
+        "chord_distance": float(farthest.max()),
+    }
 
 
 def tolerance_case(tolerance: float) -> Result:
@@ -280,7 +288,7 @@ def tables(result: Result) -> dict[str, str]:
         "lines",
         "vertices",
         "off the level",
-        "off, cells",
+        "99.9 % within, cells",
     ]
     tolerances = [
         [
@@ -307,7 +315,7 @@ def _figures(row: dict[str, Any]) -> list[object]:
         row["lines"],
         row["vertices"],
         f"{row['vertex_error']:.0e}",
-        f"{row['chord_distance']:.2g}",
+        f"{row['chord_within']:.2g}",
     ]
 
 

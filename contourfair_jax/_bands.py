@@ -13,7 +13,7 @@ from ._level_notes import level_notes, unproved_note
 from ._link import link
 from ._members import Members
 from ._shift import distinct, values_of
-from ._tracing import Levels, check_levels, check_tolerance, host_arrays, trace
+from ._tracing import Levels, Progress, check_levels, check_tolerance, host_arrays, trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,13 @@ class Bands(Members[Band]):
         return f"Bands({len(self.bands)} bands, {self.unproved} pieces unproved)"
 
 
-def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Bands:
+def filled(
+    field: BezierField,
+    levels: Levels,
+    tolerance: float = 0.01,
+    *,
+    progress: Progress | None = None,
+) -> Bands:
     """The bands between neighbouring levels of a 2-D field, as polygons.
 
     Parameters
@@ -81,6 +87,8 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Bands
     tolerance : float
         As for `contours`: bands are bounded by its lines, and by the border of the grid and of
         cells that hold NaN.
+    progress : callable
+        Called with the number of rows of cells that are traced and of all.
 
     Returns
     -------
@@ -109,7 +117,7 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Bands
         )
     finite = ends[np.isfinite(ends)]
     codes = Codes(len(finite), max(net.shape) // 3)
-    found, unproved = trace(net, values, finite, tolerance, codes)
+    found, unproved = trace(net, values, finite, tolerance, codes, progress)
     parts = list(link(found, codes))
     samples = net[::3, ::3].astype(np.float64) - values.middle
     filler = Filler(samples, cells_with_values(net), parts, codes)

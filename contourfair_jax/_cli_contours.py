@@ -31,6 +31,7 @@ from .io import InputError, write_svg
 
 if TYPE_CHECKING:
     from ._field import BezierField
+    from ._tracing import Progress
     from .io import Grid
 
 
@@ -82,9 +83,9 @@ def contours(
     with precision(single):
         with say.working(f"fairing {' x '.join(map(str, grid.shape))} samples"):
             field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
-        with say.working("tracing contours"):
+        with say.working("tracing contours") as progress:
             store = _store_bands if filled else _store_lines
-            text, facts, notes = store(target, field, chosen, tolerance, grid)
+            text, facts, notes = store(target, field, chosen, tolerance, grid, progress)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):
@@ -97,14 +98,20 @@ def contours(
 
 
 def _store_lines(
-    target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
+    target: Path,
+    field: BezierField,
+    levels: Sequence[float],
+    tolerance: float,
+    grid: Grid,
+    progress: Progress,
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     """Store the lines; what there is in words and in numbers, and notes."""
+    from .contours import contours
     from .export import write_lines
     from .plot import level_colors
 
     try:
-        lines = field.contours(levels, tolerance)
+        lines = contours(field, levels, tolerance, progress=progress)
     except ValueError as error:
         raise InputError(str(error)) from error
     notes = lines.notes
@@ -124,13 +131,20 @@ def _store_lines(
 
 
 def _store_bands(
-    target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
+    target: Path,
+    field: BezierField,
+    levels: Sequence[float],
+    tolerance: float,
+    grid: Grid,
+    progress: Progress,
 ) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     """Store what is below, between and above the levels; as for lines."""
+    from .contours import filled
     from .export import write_bands
 
+    ends = [-float("inf"), *levels, float("inf")]
     try:
-        bands = field.filled([-float("inf"), *levels, float("inf")], tolerance)
+        bands = filled(field, ends, tolerance, progress=progress)
     except ValueError as error:
         raise InputError(str(error)) from error
     notes = bands.notes + write_bands(target, bands, grid)

@@ -1,6 +1,6 @@
 """Bilinear interpolation beside the fair field: contours, parts that merge and split."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -135,11 +135,18 @@ def _figures(metrics: LevelMetrics) -> tuple:
     return metrics.length, metrics.turning, metrics.bending, metrics.components, metrics.holes
 
 
-def changes(plain: BezierField, field: BezierField, levels: Sequence[float]) -> list[Change]:
+def changes(
+    plain: BezierField,
+    field: BezierField,
+    levels: Sequence[float],
+    step: Callable[[], None] = lambda: None,
+) -> list[Change]:
     """Parts of the bilinear field that the fair one merges and splits, where both have values.
 
     Both are followed on a refined grid.  The bilinear one is the same on any; halved cells have
     points within, which say that a cell has no values where all of its samples do.
+
+    `step` is called after each level.
     """
     samples = np.asarray(field.samples, dtype=np.float64)
     valid = np.logical_and(
@@ -155,6 +162,7 @@ def changes(plain: BezierField, field: BezierField, levels: Sequence[float]) -> 
                 for parts, at in _joined(one, other, sign * samples):
                     place = np.asarray(field.origin) + np.asarray(field.spacing) * at
                     found.append(Change(level, kind, side, parts, tuple(place.tolist())))
+        step()
     return found
 
 

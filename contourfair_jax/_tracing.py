@@ -1,6 +1,6 @@
 """From a field and levels to arcs: checks, and arrays on the host."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import jax
@@ -14,15 +14,25 @@ from ._shift import Values
 from ._subdivide import leaves
 
 Levels: TypeAlias = float | Sequence[float] | np.ndarray
+Progress: TypeAlias = Callable[[int, int], None]
 
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
 
 
 def trace(
-    net: np.ndarray, values: Values, levels: np.ndarray, tolerance: float, codes: Codes
+    net: np.ndarray,
+    values: Values,
+    levels: np.ndarray,
+    tolerance: float,
+    codes: Codes,
+    progress: Progress | None = None,
 ) -> tuple[Arcs, int]:
-    """The arcs of sorted levels in a control net, and how many pieces were not proved."""
+    """The arcs of sorted levels in a control net, and how many pieces were not proved.
+
+    `progress` is called with the number of rows of cells that are done and of all.
+    """
+    rows = (len(net) - 1) // 3
     placed = values.placed(levels)
     found: list[Arcs] = []
     unproved = 0
@@ -30,6 +40,8 @@ def trace(
         for group in leaves(cells, placed, tolerance, 4 * values.rounding):
             unproved += int(np.count_nonzero(~group.proved))
             found += arcs(group, placed, codes)
+        if progress is not None:
+            progress(int(cells.corner[0, -1]) + 1, rows)
     return concatenate(found), unproved
 
 

@@ -25,7 +25,7 @@ from ._link import link
 from ._members import Members
 from ._shift import distinct, values_of
 from ._tracing import Levels as Levels
-from ._tracing import check_levels, check_tolerance, host_arrays, trace
+from ._tracing import Progress, check_levels, check_tolerance, host_arrays, trace
 from .io import ContourLine as ContourLine
 
 
@@ -67,7 +67,13 @@ class Contours(Members[ContourLine]):
         )
 
 
-def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Contours:
+def contours(
+    field: BezierField,
+    levels: Levels,
+    tolerance: float = 0.01,
+    *,
+    progress: Progress | None = None,
+) -> Contours:
     """The contour lines of a 2-D field.
 
     Parameters
@@ -77,6 +83,8 @@ def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Con
         In any order; each counts once.
     tolerance : float
         Chords stay within this distance of the true contour, in cells.
+    progress : callable
+        Called with the number of rows of cells that are traced and of all.
 
     Returns
     -------
@@ -114,7 +122,7 @@ def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Con
     values = values_of(net)
     kept = distinct(chosen, values.shift())
     codes = Codes(len(kept), max(net.shape) // 3)
-    found, unproved = trace(net, values, kept, tolerance, codes)
+    found, unproved = trace(net, values, kept, tolerance, codes, progress)
     lines = []
     for part in link(found, codes):
         part.points[:] = part.points * spacing + origin

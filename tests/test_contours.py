@@ -16,7 +16,7 @@ import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._field import BezierField
 from contourfair_jax._roots import cubic_root
-from contourfair_jax.contours import ContourLine, Contours
+from contourfair_jax.contours import ContourLine, Contours, contours, filled
 
 GRID = cases.GRIDS[2][1]
 
@@ -324,6 +324,15 @@ def test_result_is_a_sequence_sorted_by_level_with_each_level_once():
     assert isinstance(lines[0], ContourLine)
     assert lines[:2] == tuple(lines)[:2]
     assert "2 levels" in repr(lines)
+
+
+@pytest.mark.parametrize("trace", [contours, filled])
+def test_progress_counts_rows_of_cells(trace):
+    field, calls = field_of("plane"), []
+    trace(field, [0.5, 1.0], progress=lambda *call: calls.append(call))
+    assert calls
+    assert [total for _, total in calls] == [field.shape[0] - 1] * len(calls)
+    assert 0 < calls[0][0] <= calls[-1][0] <= field.shape[0] - 1
 
 
 def test_spacing_and_origin_only_move_the_lines():

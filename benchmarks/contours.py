@@ -25,8 +25,9 @@ from scipy.ndimage import gaussian_filter
 import contourfair_jax as cf
 from benchmarks import data, engine, report
 from benchmarks.report import Result, Track
-from contourfair_jax import metrics
+from contourfair_jax import io, metrics
 from contourfair_jax._field import BezierField
+from contourfair_jax._method import AbstractFairing
 
 X64 = True
 SIZE, FACTOR, LEVELS = 1024, 4, 10
@@ -41,8 +42,23 @@ def _basins(path: Path) -> tuple[np.ndarray, None, None]:
         return archive["data"], None, None
 
 
-# Labels: plateaus and steps only.
-EXTRA = {"river basins": ("basin_mask.npz", _basins)}
+def _grid(path: Path) -> tuple[np.ndarray, None, None]:
+    return io.read(path).values, None, None
+
+
+# Labels, plateaus and missing samples: too odd for other tables.  Of volumes the middle slice.
+EXTRA: dict[str, tuple[str, Callable]] = {
+    "river basins": ("basin_mask.npz", _basins),
+    "raster with missing samples": ("float_raster_with_nodata.tif", _grid),
+    "temperature 3×3": ("nouragues_3x3.npz", data._pick(0)),
+    "CT head": ("headsq_quarter.nrrd", _grid),
+    "iron protein": ("ironProt.vtk", _grid),
+    "channel facies": ("channels_facies.npz", data._pick()),
+    "MR average": ("avg152T1_RL_nifti.nii.gz", _grid),
+    "MR, few samples": ("anatomical.nii", _grid),
+}
+# Whose contours are also traced with the other method.
+GLOBAL = "Maunga Whau terrain"
 
 
 def raw_fields(folder: Path = data.FOLDER) -> Iterator[tuple[str, np.ndarray]]:
@@ -67,9 +83,11 @@ def levels_of(samples: np.ndarray, kind: str, count: int = LEVELS) -> np.ndarray
     return np.unique(levels)
 
 
-def real_case(name: str, samples: np.ndarray) -> list[Result]:
+def real_case(
+    name: str, samples: np.ndarray, method: AbstractFairing | None = None
+) -> list[Result]:
     """Crossings, unproved pieces and size for both kinds of levels."""
-    field = cf.fair_field(samples)
+    field = cf.fair_field(samples, method=method)
     rows = []
     for kind in KINDS:
         start = time.process_time()
@@ -190,7 +208,11 @@ def large_case(name: str, samples: np.ndarray) -> Result:
 
 
 def truth(field: BezierField, lines: list[tuple[float, np.ndarray]]) -> Result:
-    """Error of vertices over the range, and distance of chords from the contour, in cells."""
+    """Error of vertices over the range, and distance of chords from the contour, in cells.
+
+    Of the distances, found by Newton's method, the largest and the one that 99.9 % keep to: near
+    saddles that a line passes on the wrong side, Newton can go far.
+    """
     starts = np.concatenate([line[:-1] for _, line in lines])
     ends = np.concatenate([line[1:] for _, line in lines])
     levels = np.repeat([v for v, _ in lines], [len(line) - 1 for _, line in lines])
@@ -207,7 +229,11 @@ def truth(field: BezierField, lines: list[tuple[float, np.ndarray]]) -> Result:
             squared = np.maximum((gradient**2).sum(1), 1e-300)
             true = true - ((value - levels) / squared)[:, None] * gradient
         farthest = np.maximum(farthest, np.linalg.norm(true - points, axis=1))
-    return {"vertex_error": float(vertex), "chord_distance": float(np.quantile(farthest, 0.999))}
+    return {
+        "vertex_error": float(vertex),
+        "chord_within": float(np.quantile(farthest, 0.999)),
+        "chord_distance": float(farthest.max()),
+    }
 
 
 def tolerance_case(tolerance: float) -> Result:
@@ -227,7 +253,10 @@ def tolerance_case(tolerance: float) -> Result:
 
 def run(track: Track = report.silent) -> Result:
     """All real fields, the large fields, and the tolerances."""
-    real = [row for case in track(list(raw_fields()), "real fields") for row in real_case(*case)]
+    cases: list[tuple] = list(raw_fields())
+    globally = cf.GlobalFairing()
+    cases += [(f"{name}, global", samples, globally) for name, samples in cases if name == GLOBAL]
+    real = [row for case in track(cases, "real fields") for row in real_case(*case)]
     large = [large_case(*case) for case in track(list(large_fields().items()), "large fields")]
     return {"real": real, "large": large, "tolerances": [tolerance_case(t) for t in TOLERANCES]}
 
@@ -259,7 +288,7 @@ def tables(result: Result) -> dict[str, str]:
         "lines",
         "vertices",
         "off the level",
-        "off, cells",
+        "99.9 % within, cells",
     ]
     tolerances = [
         [
@@ -286,7 +315,7 @@ def _figures(row: dict[str, Any]) -> list[object]:
         row["lines"],
         row["vertices"],
         f"{row['vertex_error']:.0e}",
-        f"{row['chord_distance']:.2g}",
+        f"{row['chord_within']:.2g}",
     ]
 
 

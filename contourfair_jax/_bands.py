@@ -9,8 +9,11 @@ from ._codes import Codes
 from ._field import BezierField
 from ._fill import Filler, Polygon
 from ._lengths import signed_area
+from ._level_notes import level_notes, unproved_note
 from ._link import link
-from ._tracing import Levels, check_levels, check_tolerance, host_arrays, raised, trace
+from ._members import Members
+from ._shift import distinct, values_of
+from ._tracing import Levels, Progress, check_levels, check_tolerance, host_arrays, trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,42 @@ class Band:
         return f"Band({self.lower:g} to {self.upper:g}, {len(self.polygons)} polygons)"
 
 
-def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[Band]:
+@dataclass(frozen=True, eq=False)
+class Bands(Members[Band]):
+    """The bands between neighbouring levels, from low to high: a sequence of `Band`.
+
+    Parameters
+    ----------
+    bands : tuple of Band
+    levels : tuple of float
+        Their ends, sorted, without those too close to another to be told apart.
+    unproved : int
+        As for `Contours`: pieces of cells where bands may lack details.  Otherwise 0.
+    notes : tuple of str
+        What is to be known about the levels.
+    """
+
+    bands: tuple[Band, ...]
+    levels: tuple[float, ...]
+    unproved: int
+    notes: tuple[str, ...]
+
+    @property
+    def members(self) -> tuple[Band, ...]:
+        """The bands."""
+        return self.bands
+
+    def __repr__(self) -> str:
+        return f"Bands({len(self.bands)} bands, {self.unproved} pieces unproved)"
+
+
+def filled(
+    field: BezierField,
+    levels: Levels,
+    tolerance: float = 0.01,
+    *,
+    progress: Progress | None = None,
+) -> Bands:
     """The bands between neighbouring levels of a 2-D field, as polygons.
 
     Parameters
@@ -49,29 +87,41 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[
     tolerance : float
         As for `contours`: bands are bounded by its lines, and by the border of the grid and of
         cells that hold NaN.
+    progress : callable
+        Called with the number of rows of cells that are traced and of all.
 
     Returns
     -------
-    list of Band
-        One for each pair of neighbouring levels.
+    Bands
+        A sequence of one `Band` for each pair of neighbouring levels.
 
     Raises
     ------
     ValueError
-        As for `contours`, and for fewer than two levels.
+        As for `contours`, and for fewer than two levels that can be told apart.
+
+    Notes
+    -----
+    A band is {lower < f <= upper}: a sample or plateau on a level belongs to the band below it.
+    Levels are raised against rounding as for `contours`; those reported are those asked for.
     """
-    ends = np.unique(np.asarray(levels, dtype=np.float64))
-    finite = check_levels(ends[~np.isinf(ends)])
-    if len(ends) < 2:
-        raise ValueError(f"levels must be at least two to have a band between, got {len(ends)}")
-    check_tolerance(tolerance)
+    asked = check_levels(levels, infinite=True)
+    tolerance = check_tolerance(tolerance)
     net, spacing, origin = host_arrays(field)
-    traced = raised(net, finite)
+    values = values_of(net)
+    ends = distinct(asked, values.shift())
+    if len(ends) < 2:
+        raise ValueError(
+            f"levels must be at least two to have a band between, got {len(ends)} more than "
+            f"{values.shift():.1g} apart"
+        )
+    finite = ends[np.isfinite(ends)]
     codes = Codes(len(finite), max(net.shape) // 3)
-    found, _ = trace(net, traced, tolerance, codes)
+    found, unproved = trace(net, values, finite, tolerance, codes, progress)
     parts = list(link(found, codes))
-    filler = Filler(net[::3, ::3], cells_with_values(net), parts, codes)
-    limits = np.concatenate([ends[ends == -np.inf], traced, ends[ends == np.inf]])
+    samples = net[::3, ::3].astype(np.float64) - values.middle
+    filler = Filler(samples, cells_with_values(net), parts, codes)
+    limits = np.concatenate([ends[ends == -np.inf], values.placed(finite), ends[ends == np.inf]])
     number = np.searchsorted(finite, ends)
     number[ends == -np.inf] = -1
     bands = []
@@ -80,4 +130,5 @@ def filled(field: BezierField, levels: Levels, tolerance: float = 0.01) -> list[
         polygons = filler.band(*pair, (limits[k], limits[k + 1]))
         moved = [tuple(ring * spacing + origin for ring in polygon) for polygon in polygons]
         bands.append(Band(float(ends[k]), float(ends[k + 1]), tuple(moved)))
-    return bands
+    notes = level_notes(asked, ends, values, net[::3, ::3]) + unproved_note(unproved, "bands")
+    return Bands(tuple(bands), tuple(ends.tolist()), unproved, notes)

@@ -50,6 +50,7 @@ def refine_linearly(values: np.ndarray, factor: int) -> np.ndarray:
         cell = np.minimum(at.astype(int), max(n - 2, 0))
         weight = np.expand_dims(at - cell, [k for k in range(values.ndim) if k != axis])
         low, high = values.take(cell, axis), values.take(np.minimum(cell + 1, n - 1), axis)
-        mixed = (1 - weight) * low + weight * high
+        # In this form a plateau stays one, to the last bit.
+        mixed = low + weight * (high - low)
         values = np.where(weight == 0, low, np.where(weight == 1, high, mixed))
     return values

@@ -63,19 +63,22 @@ def level_ranges(
     return first, last
 
 
-def grid_cells(net: np.ndarray, levels: np.ndarray) -> Iterator[Cells]:
-    """The cells of a control net that may hold one of the sorted levels, batch by batch."""
+def grid_cells(net: np.ndarray, levels: np.ndarray, middle: float) -> Iterator[Cells]:
+    """The cells that may hold one of the sorted levels, batch by batch: of a net less `middle`."""
     rows, columns = ((points - 1) // 3 for points in net.shape)
     step = max(1, _SCANNED // columns)
     for start in range(0, rows, step):
         part = net[3 * start : 3 * min(start + step, rows) + 1]
-        first, last = level_ranges(extreme(part, np.minimum), extreme(part, np.maximum), levels)
+        lower, upper = (
+            extreme(part, reduce).astype(np.float64) - middle for reduce in (np.minimum, np.maximum)
+        )
+        first, last = level_ranges(lower, upper, levels)
         i, j = np.nonzero(last > first)
         corners = np.stack([i + start, j])
         for begin in range(0, len(i), BATCH):
             corner = corners[:, begin : begin + BATCH]
             at = corner[0] - start, corner[1]
-            yield Cells(_gather(part, *at), corner, 0, first[at], last[at])
+            yield Cells(_gather(part, *at) - middle, corner, 0, first[at], last[at])
 
 
 def _gather(net: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:

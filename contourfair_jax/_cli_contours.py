@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -31,6 +31,7 @@ from .io import InputError, write_svg
 
 if TYPE_CHECKING:
     from ._field import BezierField
+    from ._tracing import Progress
     from .io import Grid
 
 
@@ -64,8 +65,9 @@ def contours(
 ) -> None:
     """Draw or export fair contours: they lie on the fair field, are complete, and never cross.
 
-    Give one of --levels, --interval and --count; by default there are 10 levels.  Coordinates are
-    those of the file.
+    Give one of --levels, --interval and --count; by default there are 10 levels.  Samples that lie
+    on a level count as below it; for whole numbers, levels halfway between them have no plateaus.
+    Coordinates are those of the file.
     """
     from .plot import contour_figure, save_figure
 
@@ -81,9 +83,9 @@ def contours(
     with precision(single):
         with say.working(f"fairing {' x '.join(map(str, grid.shape))} samples"):
             field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
-        with say.working("tracing contours"):
+        with say.working("tracing contours") as progress:
             store = _store_bands if filled else _store_lines
-            text, facts, notes = store(target, field, chosen, tolerance, grid)
+            text, facts, notes = store(target, field, chosen, tolerance, grid, progress)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):
@@ -92,18 +94,24 @@ def contours(
                 save_figure(figure, picture)
     for note in notes:
         say.note(note)
-    say.done(target, text, levels=chosen, **facts)
+    say.done(target, text, **facts)
 
 
 def _store_lines(
-    target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
-) -> tuple[str, dict[str, int], tuple[str, ...]]:
+    target: Path,
+    field: BezierField,
+    levels: Sequence[float],
+    tolerance: float,
+    grid: Grid,
+    progress: Progress,
+) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     """Store the lines; what there is in words and in numbers, and notes."""
+    from .contours import contours
     from .export import write_lines
     from .plot import level_colors
 
     try:
-        lines = field.contours(levels, tolerance)
+        lines = contours(field, levels, tolerance, progress=progress)
     except ValueError as error:
         raise InputError(str(error)) from error
     notes = lines.notes
@@ -113,22 +121,35 @@ def _store_lines(
     elif target.suffix.lower() != ".png":
         notes += write_lines(target, lines, grid)
     vertices = sum(len(line.points) for line in lines)
-    facts = {"lines": len(lines), "vertices": vertices, "unproved": lines.unproved}
-    return f"{len(lines)} contours at {len(levels)} levels", facts, notes
+    facts = {
+        "levels": lines.levels,
+        "lines": len(lines),
+        "vertices": vertices,
+        "unproved": lines.unproved,
+    }
+    return f"{len(lines)} contours at {len(lines.levels)} levels", facts, notes
 
 
 def _store_bands(
-    target: Path, field: BezierField, levels: Sequence[float], tolerance: float, grid: Grid
-) -> tuple[str, dict[str, int], tuple[str, ...]]:
+    target: Path,
+    field: BezierField,
+    levels: Sequence[float],
+    tolerance: float,
+    grid: Grid,
+    progress: Progress,
+) -> tuple[str, dict[str, Any], tuple[str, ...]]:
     """Store what is below, between and above the levels; as for lines."""
+    from .contours import filled
     from .export import write_bands
 
+    ends = [-float("inf"), *levels, float("inf")]
     try:
-        bands = field.filled([-float("inf"), *levels, float("inf")], tolerance)
+        bands = filled(field, ends, tolerance, progress=progress)
     except ValueError as error:
         raise InputError(str(error)) from error
-    notes = write_bands(target, bands, grid)
-    return f"{len(bands)} bands", {"bands": len(bands)}, notes
+    notes = bands.notes + write_bands(target, bands, grid)
+    facts = {"levels": bands.levels[1:-1], "bands": len(bands), "unproved": bands.unproved}
+    return f"{len(bands)} bands", facts, notes
 
 
 COMMANDS = {

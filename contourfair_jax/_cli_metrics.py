@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import count as counting
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
 import typer
@@ -32,6 +33,7 @@ from .io import read
 if TYPE_CHECKING:
     from ._field import BezierField
 
+Step: TypeAlias = Callable[[], None]
 # Places where parts merge or split that are listed in words.
 _LISTED = 10
 _LINES = ("length", "turning/2pi", "bending", "parts", "holes")
@@ -67,15 +69,21 @@ def metrics(
         grid = read(source, key)
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing and measuring"):
+    with precision(single), say.working("fairing and measuring") as progress:
         field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+        # Each level of both fields is a step, and of contours the search for changes.
+        done, steps = counting(1), len(chosen) * (3 if grid.ndim == 2 else 2)
+
+        def moved() -> None:
+            progress(next(done), steps)
+
         measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
         plain = "bilinear" if grid.ndim == 2 else "trilinear"
         fields = {plain: bilinear_field(field), "fair": field}
-        tables = {name: measure(each, chosen) for name, each in fields.items()}
+        tables = {name: measure(each, chosen, moved) for name, each in fields.items()}
         whole = {name: _whole(each) for name, each in fields.items()}
         whole["fair"] |= _sums(field)
-        changes = _changes(field, chosen)
+        changes = _changes(fields[plain], field, chosen, moved)
     if plot is not None:
         from ._plot_metrics import metrics_figure
         from .plot import save_figure
@@ -90,11 +98,22 @@ def metrics(
         changed = [vars(change) for change in changes]
         say.result({"levels": chosen, "table": rows, "whole": whole, "changes": changed})
         return
+    _print_table(chosen, header, tables)
+    _print_rest(whole, changes)
+
+
+def _print_table(
+    levels: Sequence[float], header: tuple[str, ...], tables: dict[str, list[tuple]]
+) -> None:
     typer.echo(f"{'level':>12} {'field':<10}" + "".join(f"{name:>13}" for name in header))
-    for k, level in enumerate(chosen):
+    for k, level in enumerate(levels):
         for name, rows in tables.items():
             figures = "".join(f"{x:13.5g}" for x in rows[k])
             typer.echo(f"{level:12.6g} {name:<10}{figures}")
+
+
+def _print_rest(whole: dict[str, dict[str, float]], changes: list[Any]) -> None:
+    """Figures of the whole fields, and the first places where parts merge or split."""
     for name, figures in whole.items():
         text = ", ".join(f"{what} {figure:.4g}" for what, figure in figures.items())
         typer.echo(f"{name}: {text}")
@@ -104,18 +123,27 @@ def metrics(
         typer.echo(f"and {len(changes) - _LISTED} more places; --json lists all")
 
 
-def _lines(field: BezierField, levels: Sequence[float]) -> list[tuple]:
+def _lines(field: BezierField, levels: Sequence[float], moved: Step) -> list[tuple]:
     from .metrics import level_metrics
 
     step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    found = level_metrics(field.contours(levels, 1e-3), step, levels)
-    return [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
+    lines = field.contours(levels, 1e-3)
+    found = level_metrics(lines, step, lines.levels)
+    # A level too close to the one below counts as that one.
+    same = np.searchsorted(lines.levels, levels, side="right") - 1
+    rows = [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
+    for _ in levels:
+        moved()
+    return [rows[k] for k in same.tolist()]
 
 
-def _surfaces(field: BezierField, levels: Sequence[float]) -> list[tuple]:
+def _surfaces(field: BezierField, levels: Sequence[float], moved: Step) -> list[tuple]:
     from .metrics import surface_metrics
 
-    found = [surface_metrics(field.isosurface(level, 0.05)) for level in levels]
+    found = []
+    for level in levels:
+        found.append(surface_metrics(field.isosurface(level, 0.05)))
+        moved()
     return [(m.area, m.bending / (4 * np.pi), m.components, m.euler_characteristic) for m in found]
 
 
@@ -140,11 +168,13 @@ def _sums(field: BezierField) -> dict[str, float]:
     }
 
 
-def _changes(field: BezierField, levels: Sequence[float]) -> list[Any]:
+def _changes(
+    plain: BezierField, field: BezierField, levels: Sequence[float], moved: Step
+) -> list[Any]:
     """Where parts merge and split; of contours only."""
     from ._compare import changes
 
-    return changes(field, levels) if field.ndim == 2 else []
+    return changes(plain, field, levels, moved) if field.ndim == 2 else []
 
 
 COMMANDS = {

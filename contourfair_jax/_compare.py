@@ -1,6 +1,6 @@
 """Bilinear interpolation beside the fair field: contours, parts that merge and split."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._bilinear import refine_linearly
+from ._cells import cells_with_values
 from ._components import components
 from ._fair import fair_field
 from ._field import BezierField
@@ -103,6 +104,7 @@ def compare(
     -------
     Comparison
         Turning and bending are those of lines with vertices a quarter of the smaller spacing apart.
+        Both fields are measured in the cells where the fair one has values.
     """
     if np.ndim(values) != 2:
         raise ValueError(f"values must be 2-D to compare contours, got {np.ndim(values)}-D")
@@ -114,16 +116,18 @@ def compare(
         levels = np.linspace(finite.min(), finite.max(), 12)[1:-1] if finite.size else finite
     chosen = check_levels(levels)
     step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    metrics = [
-        tuple(level_metrics(each.contours(chosen, tolerance), step, chosen.tolist()))
-        for each in (plain, field)
-    ]
-    return Comparison(metrics[0], metrics[1], tuple(changes(field, chosen.tolist())))
+    lines = [each.contours(chosen, tolerance) for each in (plain, field)]
+    metrics = [tuple(level_metrics(each, step, each.levels)) for each in lines]
+    return Comparison(metrics[0], metrics[1], tuple(changes(plain, field, lines[1].levels)))
 
 
 def bilinear_field(field: BezierField) -> BezierField:
-    """The bilinear (trilinear) interpolant of a field's samples, in Bezier form; not C1."""
+    """The bilinear (trilinear) interpolant of a field's samples, in Bezier form; not C1.
+
+    NaN in the cells where the field is NaN, so that both can be measured side by side.
+    """
     net = refine_linearly(np.asarray(field.samples, dtype=np.float64), 3)
+    net = np.where(np.isnan(np.asarray(field.control_points)), np.nan, net)
     return BezierField(jnp.asarray(net, dtype=field.dtype), field.spacing, field.origin)
 
 
@@ -131,20 +135,46 @@ def _figures(metrics: LevelMetrics) -> tuple:
     return metrics.length, metrics.turning, metrics.bending, metrics.components, metrics.holes
 
 
-def changes(field: BezierField, levels: Sequence[float]) -> list[Change]:
-    """Parts of the bilinear field merged and split; the fair one is followed on a refined grid."""
+def changes(
+    plain: BezierField,
+    field: BezierField,
+    levels: Sequence[float],
+    step: Callable[[], None] = lambda: None,
+) -> list[Change]:
+    """Parts of the bilinear field that the fair one merges and splits, where both have values.
+
+    Both are followed on a refined grid.  The bilinear one is the same on any; halved cells have
+    points within, which say that a cell has no values where all of its samples do.
+
+    `step` is called after each level.
+    """
     samples = np.asarray(field.samples, dtype=np.float64)
-    finer = np.asarray(field.refine(_FACTOR), dtype=np.float64)
+    valid = np.logical_and(
+        *(cells_with_values(np.asarray(each.control_points)) for each in (plain, field))
+    )
+    coarse, finer = _refined(plain, 2, valid), _refined(field, _FACTOR, valid)
     found = []
     for level in levels:
         for side, sign in (("above", 1.0), ("below", -1.0)):
-            before = components(sign * samples, sign * level)
+            before = components(sign * coarse, sign * level)[::2, ::2]
             after = components(sign * finer, sign * level)[::_FACTOR, ::_FACTOR]
             for kind, one, other in (("merged", before, after), ("split", after, before)):
                 for parts, at in _joined(one, other, sign * samples):
                     place = np.asarray(field.origin) + np.asarray(field.spacing) * at
                     found.append(Change(level, kind, side, parts, tuple(place.tolist())))
+        step()
     return found
+
+
+def _refined(field: BezierField, factor: int, valid: np.ndarray) -> np.ndarray:
+    """The field on a finer grid, NaN away from the valid cells."""
+    values = np.asarray(field.refine(factor), dtype=np.float64)
+    inside = valid.repeat(factor, 0).repeat(factor, 1)
+    near = np.full(values.shape, False)
+    for rows in (slice(1, None), slice(-1)):
+        for columns in (slice(1, None), slice(-1)):
+            near[rows, columns] |= inside
+    return np.where(near, values, np.nan)
 
 
 def _joined(parts: np.ndarray, whole: np.ndarray, samples: np.ndarray) -> list[tuple]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
     from .adaptive import AdaptiveField
-    from .contours import Band, Contours, Levels
+    from .contours import Bands, Contours, Levels
     from .isosurface import Isosurface
 
 OUTSIDE = ("nan", "clamp", "extend")
@@ -201,7 +201,7 @@ class BezierField(eqx.Module):
 
         return contours(self, levels, tolerance)
 
-    def filled(self, levels: "Levels", tolerance: float = 0.01) -> "list[Band]":
+    def filled(self, levels: "Levels", tolerance: float = 0.01) -> "Bands":
         """Polygons between levels of a 2-D field; see `contourfair_jax.contours.filled`."""
         from .contours import filled
 

@@ -1,47 +1,48 @@
-"""From a field and levels to arcs: checks, arrays on the host, and what level is traced."""
+"""From a field and levels to arcs: checks, and arrays on the host."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
+import jax
 import numpy as np
 
 from ._arcs import Arcs, arcs, concatenate
 from ._cells import grid_cells
 from ._codes import Codes
 from ._field import BezierField
+from ._shift import Values
 from ._subdivide import leaves
 
 Levels: TypeAlias = float | Sequence[float] | np.ndarray
+Progress: TypeAlias = Callable[[int, int], None]
 
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
 
 
-def trace(net: np.ndarray, levels: np.ndarray, tolerance: float, codes: Codes) -> tuple[Arcs, int]:
-    """The arcs of sorted levels in a control net, and how many pieces were not proved."""
+def trace(
+    net: np.ndarray,
+    values: Values,
+    levels: np.ndarray,
+    tolerance: float,
+    codes: Codes,
+    progress: Progress | None = None,
+) -> tuple[Arcs, int]:
+    """The arcs of sorted levels in a control net, and how many pieces were not proved.
+
+    `progress` is called with the number of rows of cells that are done and of all.
+    """
+    rows = (len(net) - 1) // 3
+    placed = values.placed(levels)
     found: list[Arcs] = []
     unproved = 0
-    rounding = 4 * rounding_of(net)
-    for cells in grid_cells(net, levels):
-        for group in leaves(cells, levels, tolerance, rounding):
+    for cells in grid_cells(net, placed, values.middle):
+        for group in leaves(cells, placed, tolerance, 4 * values.rounding):
             unproved += int(np.count_nonzero(~group.proved))
-            found += arcs(group, levels, codes)
+            found += arcs(group, placed, codes)
+        if progress is not None:
+            progress(int(cells.corner[0, -1]) + 1, rows)
     return concatenate(found), unproved
-
-
-def raised(net: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """The levels that are traced, above plateaus at the levels that were asked for."""
-    samples = net[(slice(None, None, 3),) * net.ndim]
-    samples = samples[np.isfinite(samples)]
-    spread = float(np.ptp(samples)) if samples.size else 0.0
-    return levels + (5e-10 * spread + 16 * rounding_of(net))
-
-
-def rounding_of(net: np.ndarray) -> float:
-    """Rounding of the largest sample in the precision that the net was computed in."""
-    samples = np.abs(net[(slice(None, None, 3),) * net.ndim])
-    largest = samples.max(initial=0.0, where=np.isfinite(samples))
-    return float(np.finfo(net.dtype).eps) * float(largest)
 
 
 def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -61,24 +62,29 @@ def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     return np.asarray(field.control_points), spacing, origin
 
 
-def check_levels(levels: Levels) -> np.ndarray:
-    """Sorted finite levels, each once.
+def check_levels(levels: Levels, infinite: bool = False) -> np.ndarray:
+    """Sorted finite levels, each once; with `-inf` and `inf` where `infinite` allows them.
 
     Raises
     ------
     ValueError
-        For levels that are not real and finite, or too many.
+        For levels that are masked or not real and finite, or too many.
     """
-    array = np.asarray(levels)
+    try:
+        array = levels if isinstance(levels, np.ma.MaskedArray) else np.asarray(levels)
+    except ValueError as error:
+        raise ValueError(f"levels must be real numbers in one sequence, got {levels!r}") from error
     if array.ndim > 1 or (array.size and array.dtype.kind not in "fiu"):
         raise ValueError(
             f"levels must be real numbers in one sequence, got shape {array.shape} and dtype "
             f"{array.dtype}"
         )
-    array = np.atleast_1d(array).astype(np.float64)
-    wrong = np.count_nonzero(~np.isfinite(array))
+    array = np.atleast_1d(np.ma.filled(array.astype(np.float64), np.nan))
+    wrong = np.count_nonzero(np.isnan(array) if infinite else ~np.isfinite(array))
     if wrong:
-        raise ValueError(f"levels must be finite, got {wrong} that are not; leave them out")
+        raise ValueError(
+            f"levels must be finite and not masked, got {wrong} that are not; leave them out"
+        )
     array = np.unique(array)
     if len(array) > MOST_LEVELS:
         raise ValueError(
@@ -87,11 +93,20 @@ def check_levels(levels: Levels) -> np.ndarray:
     return array
 
 
-def check_tolerance(tolerance: float) -> None:
-    """Raise ValueError unless the tolerance is a usable number of cells."""
-    known = isinstance(tolerance, int | float | np.number) and not isinstance(tolerance, bool)
-    if not known or not LEAST_TOLERANCE <= tolerance < np.inf:
+def check_tolerance(tolerance: float | np.ndarray | jax.Array) -> float:
+    """The tolerance as a float.
+
+    Raises
+    ------
+    ValueError
+        Unless it is one real number, array or not, that is a usable number of cells.
+    """
+    known = isinstance(tolerance, int | float | np.number | np.ndarray | jax.Array)
+    array = np.asarray(tolerance if known else "")
+    known = array.ndim == 0 and array.dtype.kind in "fiu"
+    if not known or not LEAST_TOLERANCE <= array < np.inf:
         raise ValueError(
             f"tolerance must be a distance in cells of at least {LEAST_TOLERANCE:g}, "
             f"got {tolerance!r}; 0.01 is fine enough for pictures and maps"
         )
+    return float(array)

@@ -6,29 +6,31 @@ Bezier points prove that a level is one or two simple arcs in them, and that cho
 tolerance.  Every vertex is a root of the field along a straight line.  Within a convex piece chords
 keep the order of the arcs that they stand for, so lines cannot cross.
 
-The line of a level v is the border of {f > v}.  Places that are flat but for rounding would make
-specks at the level of the plateau, so v is raised by `5e-10` of the range of the samples and 16
-roundings of the largest sample: a plateau counts as below its own level.
+The line of a level v is the border of {f > v}, with v raised by a little more than rounding
+(`_shift`): a plateau counts as below its own level.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import overload
 
 import numpy as np
 
 from ._bands import Band as Band
+from ._bands import Bands as Bands
 from ._bands import filled as filled
 from ._codes import Codes
 from ._field import BezierField
+from ._level_notes import level_notes, listed, unproved_note
 from ._link import link
+from ._members import Members
+from ._shift import distinct, values_of
 from ._tracing import Levels as Levels
-from ._tracing import check_levels, check_tolerance, host_arrays, raised, trace
+from ._tracing import Progress, check_levels, check_tolerance, host_arrays, trace
 from .io import ContourLine as ContourLine
 
 
 @dataclass(frozen=True, eq=False)
-class Contours(Sequence[ContourLine]):
+class Contours(Members[ContourLine]):
     """The lines of all levels, sorted by level: a sequence of `ContourLine`.
 
     Parameters
@@ -38,13 +40,14 @@ class Contours(Sequence[ContourLine]):
         closed line repeats its first point.  The field is larger on the left of the direction of a
         line in the plane of the coordinates (0, 1): a loop around a summit has positive area.
     levels : tuple of float
-        Sorted, each once.
+        Sorted, each once, without those too close to another to be told apart.
     unproved : int
         Pieces of cells, at most `2**-12` cells wide, where the bounds could not prove that lines
         are complete: places where the gradient vanishes on the level, as at the border of a plateau
         at the level.  Otherwise 0.
     notes : tuple of str
-        What is to be known about levels without lines.
+        What is to be known about the levels: which have no line, are too close to another, or
+        are those of many samples; and how far rounding moves lines, where that is much.
     """
 
     lines: tuple[ContourLine, ...]
@@ -52,20 +55,10 @@ class Contours(Sequence[ContourLine]):
     unproved: int
     notes: tuple[str, ...]
 
-    @overload
-    def __getitem__(self, index: int) -> ContourLine: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> tuple[ContourLine, ...]: ...
-
-    def __getitem__(self, index: int | slice) -> ContourLine | tuple[ContourLine, ...]:
-        return self.lines[index]
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    def __iter__(self) -> Iterator[ContourLine]:
-        return iter(self.lines)
+    @property
+    def members(self) -> tuple[ContourLine, ...]:
+        """The lines."""
+        return self.lines
 
     def __repr__(self) -> str:
         return (
@@ -74,7 +67,13 @@ class Contours(Sequence[ContourLine]):
         )
 
 
-def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Contours:
+def contours(
+    field: BezierField,
+    levels: Levels,
+    tolerance: float = 0.01,
+    *,
+    progress: Progress | None = None,
+) -> Contours:
     """The contour lines of a 2-D field.
 
     Parameters
@@ -84,6 +83,8 @@ def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Con
         In any order; each counts once.
     tolerance : float
         Chords stay within this distance of the true contour, in cells.
+    progress : callable
+        Called with the number of rows of cells that are traced and of all.
 
     Returns
     -------
@@ -96,6 +97,15 @@ def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Con
         For a field that is not 2-D, levels that are not finite or more than 10 000, or a tolerance
         below 1e-8.
 
+    Notes
+    -----
+    A line of level v is the border of {f > v}: samples on a level count as below it, and a plateau
+    at the level is surrounded, not crossed.  Against rounding the lines are those of a level higher
+    by 5e-10 of the range of the samples, or by two roundings of the largest sample (2.2e-16 of it
+    in float64, 1.2e-7 in float32) where these are more; levels closer than that count once.  The
+    levels reported are those asked for.  For samples that are whole numbers, levels halfway between
+    have no plateaus.
+
     Examples
     --------
     >>> import jax.numpy as jnp
@@ -107,29 +117,28 @@ def contours(field: BezierField, levels: Levels, tolerance: float = 0.01) -> Con
     True
     """
     chosen = check_levels(levels)
-    check_tolerance(tolerance)
+    tolerance = check_tolerance(tolerance)
     net, spacing, origin = host_arrays(field)
-    codes = Codes(len(chosen), max(net.shape) // 3)
-    found, unproved = trace(net, raised(net, chosen), tolerance, codes)
+    values = values_of(net)
+    kept = distinct(chosen, values.shift())
+    codes = Codes(len(kept), max(net.shape) // 3)
+    found, unproved = trace(net, values, kept, tolerance, codes, progress)
     lines = []
     for part in link(found, codes):
         part.points[:] = part.points * spacing + origin
-        values, loops = chosen[part.level].tolist(), part.closed.tolist()
+        at, loops = kept[part.level].tolist(), part.closed.tolist()
         lines += [
-            ContourLine(value, piece, loop)
-            for value, piece, loop in zip(values, part.pieces(), loops, strict=True)
+            ContourLine(level, piece, loop)
+            for level, piece, loop in zip(at, part.pieces(), loops, strict=True)
             if len(piece) > 1 + 2 * loop
         ]
-    notes = _notes(chosen, lines, unproved)
-    return Contours(tuple(lines), tuple(chosen.tolist()), unproved, notes)
+    notes = level_notes(chosen, kept, values, net[::3, ::3]) + _without_lines(kept, lines)
+    notes += unproved_note(unproved, "lines")
+    return Contours(tuple(lines), tuple(kept.tolist()), unproved, notes)
 
 
-def _notes(levels: np.ndarray, lines: Sequence[ContourLine], unproved: int) -> tuple[str, ...]:
-    notes = []
-    empty = sorted(set(levels.tolist()) - {line.level for line in lines})
-    if empty:
-        listed = ", ".join(f"{level:g}" for level in empty[:5]) + (", ..." if empty[5:] else "")
-        notes.append(f"{len(empty)} of {len(levels)} levels have no line: {listed}")
-    if unproved:
-        notes.append(f"{unproved} pieces of cells may hold details that the lines do not show")
-    return tuple(notes)
+def _without_lines(levels: np.ndarray, lines: Sequence[ContourLine]) -> tuple[str, ...]:
+    empty = np.setdiff1d(levels, [line.level for line in lines])
+    if not len(empty):
+        return ()
+    return (f"{len(empty)} of {len(levels)} levels have no line: {listed(empty)}",)

@@ -5,8 +5,8 @@ others are sampled at twice the resolution and triangulated by scikit-image's ma
 vertices move to the roots of the field on their edges, and triangles are halved where their edges
 leave the surface by more than the tolerance.  All work is in float64 on the host.
 
-As for contours, the level is raised by `5e-10` of the range of the samples and 16 roundings of the
-largest sample, so that a plateau counts as below its own level.
+As for contours, a plateau counts as below its own level: this is raised by `5e-10` of the range of
+the samples, or by 16 roundings of the largest sample where these are more.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,10 @@ import numpy as np
 
 from ._field import BezierField
 from ._host import HostField
+from ._shift import values_of
 from ._split import edges_of, split
 from ._surface import surface_of
-from ._tracing import check_levels, check_tolerance, raised
+from ._tracing import check_levels, check_tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +136,9 @@ def isosurface(field: BezierField, level: float, tolerance: float = 0.01) -> Iso
     if np.ndim(level) != 0:
         raise ValueError(f"level must be one number, got shape {np.shape(level)}; call for each")
     chosen = check_levels(level)
-    check_tolerance(tolerance)
+    tolerance = check_tolerance(tolerance)
     net = np.asarray(field.control_points)
-    (traced,) = raised(net, chosen)
+    traced = float(chosen[0]) + values_of(net).shift(16)
     host = HostField(net.astype(np.float64))
     finite = np.abs(host.net[np.isfinite(host.net)])
     rounding = 32 * float(np.finfo(np.float64).eps) * float(finite.max(initial=0.0))

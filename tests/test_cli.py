@@ -255,6 +255,16 @@ def test_filled_contours(run, dem, tmp_path, suffix):
     assert bands.area.sum() == pytest.approx(8 * 30 * 10 * 20)
 
 
+def test_filled_contours_tell_what_there_is_to_know(run, dem, tmp_path):
+    options = ("-o", tmp_path / "bands.json", "--levels", "50,50.000000001", "--filled")
+    code, out, err = run("contours", dem, *options)
+    assert (code, out) == (0, f"{options[1]}: 2 bands\n")
+    assert "too close to tell apart" in err
+    found = json.loads(run("contours", dem, *options, "--json")[1])
+    assert (found["levels"], found["bands"], found["unproved"]) == ([50.0], 2, 0)
+    assert "too close to tell apart" in found["notes"][0]
+
+
 # ---- compare and pictures ------------------------------------------------------------------
 
 
@@ -588,7 +598,8 @@ def test_a_terminal_gets_a_bar_that_goes_away(capsys, monkeypatch):
     monkeypatch.setattr("contourfair_jax._console._PATIENCE", 0.05)
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
-    with Reporter().working("long work"):
+    with Reporter().working("long work") as move:
+        move(1, 4)
         time.sleep(0.5)
     shown = capsys.readouterr().err
     assert "long work" in shown

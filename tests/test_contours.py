@@ -16,7 +16,7 @@ import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._field import BezierField
 from contourfair_jax._roots import cubic_root
-from contourfair_jax.contours import ContourLine, Contours
+from contourfair_jax.contours import ContourLine, Contours, contours, filled
 
 GRID = cases.GRIDS[2][1]
 
@@ -178,6 +178,31 @@ def test_a_level_at_saddles_separates_lines_that_would_touch():
     assert lines.unproved == 0
 
 
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+@pytest.mark.parametrize("name", ["noise", "franke", "spike"])
+def test_levels_too_close_to_tell_apart_count_once(name, offset):
+    field = cf.fair_field(samples_of(name, GRID) + offset)
+    samples = np.asarray(field.samples)
+    low, high = samples.min(), samples.max()
+    level = low + 0.3 * (high - low)
+    whole = np.prod(np.array(field.shape) - 1.0)
+    for part in (1e-16, 1e-14, 2e-10):
+        near = level + np.array([0, part, 2 * part]) * (high - low)
+        asked = np.unique(near)
+        lines, bands = field.contours(near), field.filled([-np.inf, *near, np.inf])
+        assert lines.levels == (level,)
+        assert bands.levels == (-np.inf, level, np.inf)
+        assert metrics.crossings(lines) == 0
+        assert sum(band.area for band in bands) == pytest.approx(whole, rel=1e-9)
+        for notes in (lines.notes, bands.notes):
+            assert any("too close" in note for note in notes) == (len(asked) > 1)
+    with pytest.raises(ValueError, match="levels must be at least two"):
+        field.filled([level, np.nextafter(level, np.inf)])
+    lines = field.contours(level + np.array([0, 1.1e-9, 2.2e-9]) * (high - low))
+    assert len(lines.levels) == 3
+    assert metrics.crossings(lines) == 0
+
+
 def test_a_plateau_at_the_level_is_below_it():
     """No specks where the field is flat but for rounding: only the borders of what is higher."""
     rng = np.random.default_rng(0)
@@ -188,6 +213,44 @@ def test_a_plateau_at_the_level_is_below_it():
     assert 0 < len(lines) < 15
     assert all((line.points[:, 0] < 7.0).all() for line in lines)
     assert metrics.crossings(lines) == 0
+
+
+@pytest.mark.parametrize("offset", [1e6, -1e6])
+def test_lines_stay_on_the_level_far_from_zero(offset, rng):
+    """The same lines as near zero: samples round, and nothing else."""
+    samples = rng.integers(0, 4096, (20, 19)) / 4096
+    samples[10:14, 5:9] = samples[10, 5]
+    levels = [0.2, 0.4, samples[10, 5], 0.8]
+    near = cf.fair_field(samples).contours(levels)
+    field = cf.fair_field(samples + offset)
+    far = field.contours(np.add(levels, offset))
+    assert metrics.crossings(far) == 0
+    assert (far.unproved, len(far), far.notes[1:]) == (0, len(near), ())
+    assert "levels are on many samples" in far.notes[0]
+    starts, _ = chords(far)
+    assert np.abs(jet_at(field, starts)[0] - chord_levels(far)).max() <= 1e-9 * np.ptp(samples)
+
+
+def test_levels_of_many_samples_give_a_note(rng):
+    samples = rng.integers(0, 40, (15, 14)).astype(float)
+    samples[3:9, 2:8] = 7.0
+    samples[0, :2] = [8.0, 40.0]
+    field = cf.fair_field(samples)
+    levels = [6.75, 7.0, 39.5]
+    (note,) = field.contours(levels).notes
+    assert note.startswith("1 of 3 levels are on many samples")
+    assert "7; levels between samples, such as 7.5," in note
+    assert field.filled(levels).notes == (note,)
+    assert field.contours([6.75, 7.5]).notes == ()
+    assert "such as 3.5" in cf.fair_field(np.minimum(samples, 4)).contours(4.0).notes[-1]
+
+
+def test_rounding_of_many_digits_gives_a_note(rng):
+    samples = rng.normal(size=(15, 14))
+    levels = [0.25, 0.5]
+    for offset, dtype, noted in ((1e6, float, False), (1e8, float, True), (10, "f4", False)):
+        lines = cf.fair_field((samples + offset).astype(dtype)).contours(np.add(levels, offset))
+        assert any("above their levels" in note for note in lines.notes) == noted
 
 
 def test_rounding_of_float32_makes_no_specks():
@@ -202,10 +265,14 @@ def test_what_cannot_be_proved_is_counted():
     """A straight valley with its bottom at the level, oblique to the grid: two lines, or none."""
     x = np.linspace(0, 1, 4)
     fours = _bezier_of((x[:, None] - 0.7 * x - 0.1) ** 2)
-    lines = BezierField(jnp.asarray(fours), jnp.ones(2), jnp.zeros(2)).contours(0.0)
+    field = BezierField(jnp.asarray(fours), jnp.ones(2), jnp.zeros(2))
+    lines = field.contours(0.0)
     assert lines.unproved > 0
     assert any("may hold details" in note for note in lines.notes)
     assert metrics.crossings(lines) == 0
+    bands = field.filled([-np.inf, 0.0, np.inf])
+    assert bands.unproved == lines.unproved
+    assert any("the bands do not show" in note for note in bands.notes)
 
 
 def test_a_valley_along_the_grid_at_the_level_is_proved():
@@ -259,6 +326,15 @@ def test_result_is_a_sequence_sorted_by_level_with_each_level_once():
     assert "2 levels" in repr(lines)
 
 
+@pytest.mark.parametrize("trace", [contours, filled])
+def test_progress_counts_rows_of_cells(trace):
+    field, calls = field_of("plane"), []
+    trace(field, [0.5, 1.0], progress=lambda *call: calls.append(call))
+    assert calls
+    assert [total for _, total in calls] == [field.shape[0] - 1] * len(calls)
+    assert 0 < calls[0][0] <= calls[-1][0] <= field.shape[0] - 1
+
+
 def test_spacing_and_origin_only_move_the_lines():
     field = field_of("franke")
     plain = BezierField(field.control_points, jnp.ones(2), jnp.zeros(2))
@@ -274,15 +350,45 @@ def test_spacing_and_origin_only_move_the_lines():
         ([0.1, np.nan], 0.01, "levels must be finite"),
         ([[0.1]], 0.01, "levels must be real numbers in one sequence"),
         (["a"], 0.01, "levels must be real"),
+        ([[0.1], [0.2, 0.3]], 0.01, "levels must be real numbers in one sequence"),
+        (np.ma.array([0.1, 0.2], mask=[False, True]), 0.01, "not masked, got 1 that are"),
         (np.arange(10_001.0), 0.01, "levels must be at most 10000"),
         (0.1, 0.0, "tolerance must be"),
         (0.1, -1.0, "tolerance must be"),
         (0.1, np.nan, "tolerance must be"),
+        (0.1, True, "tolerance must be"),
+        (0.1, "0.1", "tolerance must be"),
+        (0.1, np.array([0.1]), "tolerance must be"),
+        (0.1, np.array(0.1j), "tolerance must be"),
     ],
 )
 def test_bad_arguments(levels, tolerance, message):
     with pytest.raises(ValueError, match=message):
         field_of("cone").contours(levels, tolerance)
+
+
+@pytest.mark.parametrize(
+    ("levels", "message"),
+    [
+        ([[0, 1], [2, 3]], "levels must be real numbers in one sequence"),
+        ([1 + 2j, 2], "levels must be real .* complex128"),
+        (["a", "b"], "levels must be real"),
+        ([0.1, np.nan], "levels must be finite"),
+        (np.ma.array([0.1, 0.2, 0.3], mask=[True, False, False]), "not masked, got 1 that are"),
+    ],
+)
+def test_bad_ends_of_bands(levels, message):
+    with pytest.raises(ValueError, match=message):
+        field_of("cone").filled(levels)
+
+
+def test_arrays_are_levels_and_tolerances():
+    field = field_of("cone")
+    plain = field.contours([0.25, 0.5], 0.125)
+    for tolerance in (np.array(0.125), jnp.array(0.125), np.float32(0.125)):
+        for levels in (np.ma.array([0.25, 0.5]), jnp.array([0.25, 0.5])):
+            again = field.contours(levels, tolerance)
+            assert all((a.points == b.points).all() for a, b in zip(plain, again, strict=True))
 
 
 def test_three_dimensions_are_refused():
@@ -396,6 +502,16 @@ def test_a_band_around_all_values_is_the_grid():
     ((ring,),) = band.polygons
     assert len(ring) == 5
     assert "1 polygons" in repr(band)
+
+
+def test_bands_are_a_sequence():
+    bands = field_of("cone").filled([0.9, 0.3, 0.6])
+    assert bands.levels == (0.3, 0.6, 0.9)
+    assert [(band.lower, band.upper) for band in bands] == [(0.3, 0.6), (0.6, 0.9)]
+    assert bands[0] is next(iter(bands))
+    assert bands[:1] == (bands[0],)
+    assert (len(bands), bands.unproved, bands.notes) == (2, 0, ())
+    assert "2 bands" in repr(bands)
 
 
 def test_bands_need_two_levels():

@@ -1,6 +1,7 @@
 """Fields and isosurfaces in VTK and in mesh files."""
 
 import json
+from contextlib import contextmanager
 from importlib import import_module
 
 import jax.numpy as jnp
@@ -206,6 +207,34 @@ def test_metrics_command(scan, tmp_path, capsys):
     assert len(found["table"]["fair"]) == len(found["levels"]) == 2
     assert found["whole"]["fair"]["slope jump"] < 1e-6 < found["whole"]["bilinear"]["slope jump"]
     assert len(found["changes"]) == len(rows) - 7
+
+
+@pytest.mark.parametrize("ndim", [2, 3])
+def test_metrics_command_counts_its_steps(scan, ndim, tmp_path, monkeypatch, capsys):
+    moves = []
+
+    @contextmanager
+    def working(reporter, text):
+        yield lambda *move: moves.append(move)
+
+    monkeypatch.setattr("contourfair_jax._console.Reporter.working", working)
+    np.save(tmp_path / "in.npy", np.load(scan)[2] if ndim == 2 else np.load(scan))
+    assert call(capsys, "metrics", tmp_path / "in.npy", "--count", 2)[0] == 0
+    steps = 6 if ndim == 2 else 4
+    assert moves == [(k + 1, steps) for k in range(steps)]
+
+
+def test_metrics_command_leaves_the_same_cells_out(tmp_path, capsys):
+    x = np.linspace(-1, 1, 12)
+    plane = x[:, None] + 0.5 * x
+    plane[5, 5] = np.nan
+    np.save(tmp_path / "plane.npy", plane)
+    code, out, _ = call(capsys, "metrics", tmp_path / "plane.npy", "--levels", "0,0.3", "--json")
+    found = json.loads(out)
+    assert code == 0
+    plain, fair = ([row["length"] for row in found["table"][k]] for k in ("bilinear", "fair"))
+    assert plain == pytest.approx(fair, rel=1e-6)
+    assert found["changes"] == []
 
 
 def test_adaptive_command(scan, tmp_path, capsys):

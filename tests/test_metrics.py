@@ -223,6 +223,27 @@ def test_a_thin_ridge_is_joined():
     assert str(merged[0]) in str(found)
 
 
+@pytest.mark.parametrize("method", [cf.LocalFairing(), cf.GlobalFairing()])
+def test_both_fields_are_compared_in_the_same_cells(method):
+    x = np.linspace(-1, 1, 12)
+    plane = x[:, None] + 0.5 * x
+    plane[5, 5] = plane[9, 0] = np.nan
+    found = metrics.compare(plane, [0.0, 0.3], method=method)
+    for plain, fair in zip(found.bilinear, found.fair, strict=True):
+        assert plain.length == pytest.approx(fair.length, rel=1e-5)
+        assert (plain.components, plain.holes) == (fair.components, fair.holes)
+    assert found.changes == ()
+
+
+def test_a_bilinear_field_is_nan_where_the_fair_one_is():
+    samples = samples_of("noise", GRID)
+    samples[4:6, 3] = np.nan
+    field = cf.fair_field(samples)
+    plain, fair = (np.isnan(np.asarray(f.bounds()[0])) for f in (bilinear_field(field), field))
+    np.testing.assert_array_equal(plain, fair)
+    assert fair.sum() > 6
+
+
 def test_a_comparison_prints_a_table():
     text = str(metrics.compare(samples_of("cone", GRID), [0.4, 0.6]))
     assert len(text.splitlines()) == 4

@@ -12,6 +12,7 @@ import zarr
 from file_helpers import inside, samples  # noqa: F401
 
 from contourfair_jax.io import Grid, InputError, read, write
+from contourfair_jax.io._zarr import read_outline
 
 pytestmark = pytest.mark.usefixtures("inside")
 
@@ -274,6 +275,19 @@ def test_a_plain_array(tmp_path, version):
     np.testing.assert_array_equal(read(tmp_path / "a.zarr", f"{axis}=2").values, samples("i2")[2])
     with pytest.raises(InputError, match="no 'data' to choose"):
         read(tmp_path / "a.zarr", "data")
+
+
+@pytest.mark.parametrize("consolidated", [True, False])
+def test_a_group_of_version_2(tmp_path, consolidated):
+    data = field(units="K")
+    data.to_dataset().to_zarr(tmp_path / "a.zarr", zarr_format=2, consolidated=consolidated)
+    grid = read(tmp_path / "a.zarr")
+    np.testing.assert_array_equal(grid.values, data)
+    assert grid.axes == ("lat", "lon")
+    assert grid.units == "K"
+    outline, array = read_outline(tmp_path / "a.zarr", None)
+    assert outline.shape == (4, 6)
+    np.testing.assert_array_equal(array[1:3, 2:4], data[1:3, 2:4])
 
 
 class Trap:

@@ -1,7 +1,10 @@
 """NIfTI, NRRD, MetaImage, DICOM and VTK: places against the libraries themselves, parts, series."""
 
+import bz2
+import gzip
 import math
 import os
+import tracemalloc
 
 import nibabel
 import nrrd
@@ -218,6 +221,41 @@ def test_an_axis_of_vectors_is_chosen_from(tmp_path):
     np.testing.assert_allclose(grid.affine[:3], [[2, 0, 0, 3], [0, 1.5, 0, 2], [0, 0, 0.5, 1]])
 
 
+def nrrd_file(sizes, encoding, **fields):
+    header = {"type": "short", "dimension": 3, "sizes": sizes, "endian": "big", **fields}
+    lines = [f"{name.replace('_', ' ')}: {value}" for name, value in header.items()]
+    return "\n".join(["NRRD0004", *lines, f"encoding: {encoding}", "", ""]).encode()
+
+
+@pytest.mark.parametrize(("encoding", "pack"), [("gzip", gzip.compress), ("bz2", bz2.compress)])
+def test_compressed_samples_within_and_beside_the_header(tmp_path, encoding, pack):
+    data = pack(b"skipped" + samples(">i2").tobytes())
+    head = nrrd_file("6 5 4", encoding, byte_skip=7)
+    (tmp_path / "a.nrrd").write_bytes(head + data)
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, samples("i2"))
+    (tmp_path / "data").write_bytes(b"a line\n" + data)
+    head = nrrd_file("6 5 4", encoding, byteskip=7, line_skip=1, data_file="data")
+    (tmp_path / "a.nhdr").write_bytes(head)
+    np.testing.assert_array_equal(read(tmp_path / "a.nhdr").values, samples("i2"))
+
+
+def test_no_more_is_inflated_than_the_header_promises(tmp_path):
+    bomb = gzip.compress(bytes(2**28), 1)
+    (tmp_path / "a.nrrd").write_bytes(nrrd_file("4 4 4", "gzip") + bomb)
+    tracemalloc.start()
+    with pytest.raises(InputError, match="promises 128 bytes of samples, but holds more"):
+        read(tmp_path / "a.nrrd")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 2**24
+    (tmp_path / "a.nrrd").write_bytes(nrrd_file("4 4 4", "gzip") + gzip.compress(bytes(7)))
+    with pytest.raises(InputError, match="but holds only 7 bytes"):
+        read(tmp_path / "a.nrrd")
+    (tmp_path / "a.nrrd").write_bytes(nrrd_file("4 4 4", "gzip", byte_skip=-1) + bomb)
+    with pytest.raises(InputError, match="skips 0 lines and -1 bytes of compressed"):
+        read(tmp_path / "a.nrrd")
+
+
 # ---- MetaImage ---------------------------------------------------------------------------------
 
 
@@ -322,6 +360,23 @@ def test_truncated_legacy_data_are_refused(tmp_path):
     whole = (tmp_path / "a.vtk").read_bytes()
     (tmp_path / "a.vtk").write_bytes(whole[:-50])
     with pytest.raises(InputError, match="is damaged or no image data"):
+        read(tmp_path / "a.vtk")
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        ("3000 3000 300", r"is truncated: its header promises 2700000000 samples, \d+ bytes are"),
+        ("100000 100000 100000", r"an array of shape .* needs .* this machine has"),
+    ],
+)
+def test_the_size_in_a_legacy_header_is_checked_first(tmp_path, monkeypatch, size, said):
+    monkeypatch.setattr("contourfair_jax.io._limits.physical_memory", lambda: 2**40)
+    write(tmp_path / "a.vtk", Grid(samples()))
+    whole = (tmp_path / "a.vtk").read_bytes()
+    larger = whole.replace(b"DIMENSIONS 6 5 4", b"dimensions " + size.encode())
+    (tmp_path / "a.vtk").write_bytes(larger)
+    with pytest.raises(InputError, match=said):
         read(tmp_path / "a.vtk")
 
 

@@ -161,6 +161,45 @@ def test_scaled_values_are_decoded(tmp_path):
     assert np.ptp(grid.values) == 0.25 * np.ptp(np.frombuffer(raw[352:], "<i2").astype(float))
 
 
+@pytest.mark.parametrize(("sform", "qform"), [(4, 0), (0, 1), (3, 3), (2, 1)])
+def test_what_the_header_of_a_nifti_says_is_kept(tmp_path, sform, qform):
+    image = nibabel.Nifti1Image(samples("f4").T, None)
+    affine = np.diag([0.5, 1.5, 2.0, 1.0])
+    image.set_sform(affine, sform)
+    image.set_qform(affine, qform)
+    image.header.set_intent("t test", (12,), name="task")
+    image.header["cal_max"] = 99.5
+    nibabel.save(image, tmp_path / "a.nii")
+    grid = read(tmp_path / "a.nii")
+    assert grid.notes == ()
+    write(tmp_path / "a.nrrd", grid)
+    assert write(tmp_path / "b.nii", read(tmp_path / "a.nrrd")) == ()
+    header = nibabel.load(tmp_path / "b.nii").header
+    assert (header["sform_code"], header["qform_code"]) == (sform, qform)
+    assert header.get_intent() == ("t test", (12.0,), "task")
+    assert (header["cal_min"], header["cal_max"]) == (0, 99.5)
+
+
+def test_what_is_not_kept_of_a_nifti_is_said(tmp_path):
+    image = nibabel.Nifti1Image(samples("f4").T, None)
+    image.set_sform(np.diag([0.5, 1.5, 2.0, 1.0]), 4)
+    image.set_qform(np.diag([0.5, 1.5, 2.5, 1.0]), 1)
+    image.header.extensions.append(nibabel.nifti1.Nifti1Extension("comment", b"a note"))
+    nibabel.save(image, tmp_path / "a.nii")
+    grid = read(tmp_path / "a.nii")
+    assert grid.notes == (
+        "the qform is left out: the sform is another map",
+        "extensions of the header are left out: 1",
+    )
+    write(tmp_path / "b.nii", grid)
+    header = nibabel.load(tmp_path / "b.nii").header
+    assert (header["sform_code"], header["qform_code"]) == (4, 0)
+    odd = {"sform_code": "x", "cal_max": "high", "intent_code": "1e99"}
+    write(tmp_path / "c.nii", Grid(samples(), metadata=odd))
+    header = nibabel.load(tmp_path / "c.nii").header
+    assert (header["sform_code"], header["cal_max"], header["intent_code"]) == (2, 0, 0)
+
+
 def test_a_nifti_without_place_has_only_steps(tmp_path):
     image = nibabel.Nifti1Image(samples("i2").T, None)
     image.header.set_zooms((0.5, 1.5, 2.0))

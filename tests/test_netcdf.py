@@ -165,7 +165,10 @@ def test_curvilinear_coordinates_are_said_not_to_be_used(tmp_path):
     )
     grid = read(stored(tmp_path, data))
     assert grid.affine is None
-    assert grid.notes == ("nav_lat, nav_lon are curvilinear: sample numbers are used instead",)
+    assert grid.notes == (
+        "nav_lat, nav_lon are curvilinear: sample numbers are used instead",
+        "variables that are left out: nav_lat, nav_lon",
+    )
 
 
 def test_uneven_levels_behind_their_numbers_are_said(tmp_path):
@@ -222,6 +225,45 @@ def test_a_projection_is_kept_as_wkt_or_in_its_own_terms(tmp_path, suffix):
     assert json.loads(again.metadata["grid_mapping"]) == pole
     write(tmp_path / f"wkt{suffix}", Grid(samples(shape=(4, 6)), crs="EPSG:4326"))
     assert read(tmp_path / f"wkt{suffix}").crs == "EPSG:4326"
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_attributes_of_the_whole_data_set_are_kept(tmp_path, suffix):
+    data = field().to_dataset()
+    data.attrs = {"title": "a map", "institution": "the sea", "Conventions": "CF-1.4", "levels": 3}
+    grid = read(stored(tmp_path, data))
+    assert grid.metadata["title"] == "a map"
+    assert grid.metadata["global:levels"] == "3"
+    write(tmp_path / f"again{suffix}", grid)
+    opened = (
+        xr.open_dataset(tmp_path / "again.nc", engine="h5netcdf")
+        if suffix == ".nc"
+        else xr.open_zarr(tmp_path / "again.zarr", consolidated=False, chunks=None)
+    )
+    with opened as again:
+        kept = {"title": "a map", "institution": "the sea", "levels": "3"}
+        assert again.attrs == {**kept, "Conventions": "CF-1.8"}
+    assert read(tmp_path / f"again{suffix}").metadata == grid.metadata
+
+
+def test_what_is_left_out_of_a_data_set_is_named(tmp_path):
+    data = xr.Dataset({"t": field(("time", "lat", "lon"), (2, 4, 6)), "u": field()})
+    data = data.assign_coords(
+        time=[3.0, 9.0],
+        area=(("lat", "lon"), samples(shape=(4, 6))),
+        lat_bnds=(("lat", "two"), np.zeros((4, 2))),
+    )
+    data["crs"] = ((), 0, {"crs_wkt": "EPSG:4326"})
+    data["t"].attrs["grid_mapping"] = "crs"
+    path = stored(tmp_path, data)
+    grid = read(path, "t,time=1")
+    assert grid.metadata["at_time"] == "9"
+    said = ("variables that are left out:", "u", "area", "lat_bnds")
+    assert sorted(grid.notes[0].replace(",", "").split(" ")) == sorted(" ".join(said).split(" "))
+    write(tmp_path / "again.nc", grid)
+    assert read(tmp_path / "again.nc").notes == ()
+    many = xr.Dataset({f"v{k:02d}": field() for k in range(20)})
+    assert read(stored(tmp_path, many), "v00").notes[0].endswith("v11, v12 and 7 more")
 
 
 def test_xarray_reads_what_is_written(tmp_path):

@@ -9,14 +9,14 @@ from ._describe import missing_note
 from ._levels import choose_levels
 from ._run import result_dtype
 from .io import Grid, InputError, read
+from .io._atomic import check_parent
 
 
 def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
     """Read the samples and tell what is to be known about them."""
     if source.exists() and target.exists() and source.samefile(target):
         raise InputError(f"{target}: is the input; write to another file")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: there is no folder {target.parent}; make it first")
+    check_parent(target)
     with say.working(f"reading {source}"):
         grid = read(source, key)
     for note in grid.notes:

@@ -490,6 +490,18 @@ def test_real_files_that_cannot_be_faired(run, shared_data, tmp_path, name, said
     assert said in one_line(err)
 
 
+@pytest.mark.parametrize("command", ["upsample", "contours"])
+def test_a_folder_that_is_read_only_is_said_before_any_work(
+    run, dem, tmp_path, monkeypatch, command
+):
+    monkeypatch.setattr("contourfair_jax.io._registry._format", None)  # nothing is read
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
+    target = tmp_path / ("o.npy" if command == "upsample" else "o.svg")
+    code, _, err = run(command, dem, "-o", target, "-q")
+    assert code == 2
+    assert "may not be written to; choose another" in one_line(err)
+
+
 def test_faults_of_the_program_are_code_1_and_leave_nothing(run, dem, tmp_path, monkeypatch):
     def broken(*_):
         raise TypeError("first line\nsecond line")

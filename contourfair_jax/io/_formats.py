@@ -54,6 +54,8 @@ class Format:
         such packages cannot be trusted with damaged files.
     folder
         Whether the format is a folder, not a file.
+    beside
+        Suffix of the file of samples that the writer leaves beside a header; ``""`` for none.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Format:
     writer: str = "write"
     outside: Outside | None = None
     folder: bool = False
+    beside: str = ""
 
     def read(self, path: Path, key: str | None) -> Grid:
         """Read `path` with this format's reader."""
@@ -88,6 +91,7 @@ _VTK = Outside("vtk", ("vtkmodules",))
 _NIBABEL, _NRRD, _ITK, _PYDICOM = (
     Outside("medical", (package,)) for package in ("nibabel", "nrrd", "SimpleITK", "pydicom")
 )
+_HEADER = "write_header"
 
 FORMATS = (
     Format("NumPy array", (".npy",), "_npy"),
@@ -102,9 +106,9 @@ FORMATS = (
     Format("Zarr", (".zarr",), "_zarr", outside=_ZARR, folder=True),
     Format("NIfTI", (".nii", ".nii.gz"), "_nifti", outside=_NIBABEL),
     Format("NRRD", (".nrrd",), "_nrrd", outside=_NRRD),
-    Format("NRRD header", (".nhdr",), "_nrrd", writer="", outside=_NRRD),
+    Format("NRRD header", (".nhdr",), "_nrrd", "read", _HEADER, _NRRD, beside=".raw"),
     Format("MetaImage", (".mha",), "_metaimage", outside=_ITK),
-    Format("MetaImage header", (".mhd",), "_metaimage", writer="", outside=_ITK),
+    Format("MetaImage header", (".mhd",), "_metaimage", "read", _HEADER, _ITK, beside=".raw"),
     Format("DICOM", (".dcm",), "_dicom", writer="", outside=_PYDICOM),
     Format("VTK image data", (".vti",), "_vtk", outside=_VTK),
     Format("legacy VTK", (".vtk",), "_vtk", "read_legacy", "write_legacy", _VTK),

@@ -76,6 +76,15 @@ def read(path: Path, key: str | None) -> Grid:
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
     """Store one compressed file; the nodata value and the CRS become text in its header."""
+    return _write(path, grid, "gzip")
+
+
+def write_header(path: Path, grid: Grid) -> tuple[str, ...]:
+    """The same as a header with a ``.raw`` file of the plain samples beside it."""
+    return _write(path, grid, "raw")
+
+
+def _write(path: Path, grid: Grid, encoding: str) -> tuple[str, ...]:
     stored, nodata = to_store(grid)
     volume, affine, notes = to_xyz(grid, stored)
     space = grid.metadata.get("space", "")
@@ -85,13 +94,13 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
         "space directions": affine[:3, :3].T,
         "space origin": affine[:3, 3],
         "kinds": ["domain"] * 3,
-        "encoding": "gzip",
+        "encoding": encoding,
     }
     if "space units" in grid.metadata:
         header["space units"] = [grid.metadata["space units"]] * 3
     texts = {"sample units": grid.units, "crs": grid.crs, "nodata": nodata}
     header |= {name: str(text) for name, text in texts.items() if text not in (None, "")}
-    nrrd.write(os.fspath(path), volume, header, detached_header=False, index_order="F")
+    nrrd.write(os.fspath(path), volume, header, index_order="F")  # two files for ``.nhdr``
     return notes
 
 

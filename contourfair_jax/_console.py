@@ -49,7 +49,9 @@ class Reporter:
             self._console.print(f"note: {text}", markup=False)
 
     def error(self, text: str) -> None:
-        """One line that says why there is no result."""
+        """One line that says why there is no result; as JSON, results are that line on stdout."""
+        if self.as_json:
+            print(json.dumps({"error": text}))
         self._console.print(f"contourfair: {text}", markup=False)
 
     def done(self, target: Path, text: str, **facts: Any) -> None:

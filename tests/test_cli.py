@@ -550,18 +550,60 @@ def test_results_as_json(run, dem, tmp_path):
     assert found["window"] == [[0, 9], [0, 11]]
 
 
-def test_the_shell_completes_names():
-    asked = {"_CONTOURFAIR_COMPLETE": "complete_bash", "COMP_WORDS": "contourfair co"}
-    environment = {**os.environ, **asked, "COMP_CWORD": "1"}
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("info", "none.npy"), 2, "none.npy: there is no such file"),
+        (("info", "in.npy", "--nonsense"), 2, "No such option: --nonsense"),
+        (("info", "in.npy"), 1, "internal error, TypeError: a fault"),
+        (("info", "in.npy"), 130, "interrupted"),
+    ],
+)
+def test_failures_as_json(run, tmp_path, monkeypatch, arguments, code, said):
+    def fault(*_):
+        raise {1: TypeError, 130: KeyboardInterrupt}[code]("a fault")
+
+    monkeypatch.chdir(tmp_path)
+    np.save("in.npy", hill())
+    if code != 2:
+        monkeypatch.setattr(cli, "read", fault)
+    found, out, err = run(*arguments, "--json")
+    assert found == code
+    assert json.loads(out)["error"].startswith(said)
+    assert f"contourfair: {json.loads(out)['error']}" == one_line(err)
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("contourfair co", ["contours", "compare"]),
+        ("contourfair upsample --method ", ["local", "global", "tune"]),
+    ],
+)
+def test_the_shell_completes_names(words, found):
+    asked = {"_CONTOURFAIR_COMPLETE": "complete_bash", "COMP_WORDS": words}
+    environment = {**os.environ, **asked, "COMP_CWORD": str(words.count(" "))}
     command = [sys.executable, "-c", "import sys; from contourfair_jax import cli; cli.main()"]
     call = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert call.stdout.split() == ["contours", "compare"]
+    assert call.stdout.split() == found
 
 
 def test_help_names_all_endings_that_can_be_written(run):
     out = "".join(run("upsample", "--help")[1].split())
     for suffix in (suffix for each in FORMATS if each.writer for suffix in each.suffixes):
         assert f"{suffix}," in out or f"{suffix}." in out
+
+
+def test_help_names_all_endings_that_are_read(run):
+    out = re.sub(r"[\s│]", "", run("--help")[1])
+    for suffix in (suffix for each in FORMATS for suffix in each.suffixes):
+        assert re.search(re.escape(suffix) + r"[,;(]", out), suffix
+
+
+def test_help_of_the_key_names_its_grammar(run):
+    out = re.sub(r"[\s│]", "", run("info", "--help")[1])
+    for each in ("NAME,time=3,level=0:5", "t=0", "component=2", "GeoTIFFband", "DICOMseries"):
+        assert each in out
 
 
 def test_help_and_version(run):

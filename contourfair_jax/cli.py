@@ -227,6 +227,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         result = _INTERRUPTED
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            report.error(f"{os.fsdecode(error.filename)}: {error.strerror}")
+            return 2
         if os.environ.get("CONTOURFAIR_TRACEBACK"):
             traceback.print_exc()
         first = (str(error).splitlines() or [""])[0]

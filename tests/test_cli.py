@@ -440,6 +440,7 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
         (("contours", "in.npy", "-o", "out.csv", "--filled"), "must end in .geojson, .json, .gpkg"),
         (("contours", "in.npy", "-o", "o.svg", "-t", "0"), "tolerance must be a distance"),
         (("contours", "in.npy", "-o", "o.svg", "--plot", "o.pdf"), "o.pdf: the name must end in"),
+        (("contours", "in.npy", "-o", "o.svg", "--plot", "no/o.png"), "there is no folder no"),
         (("contours", "in.npy", "-o", "out.dxf"), "the name must end in .geojson"),
         (("contours", "in.npy", "-o", "o.svg", "--levels", "1,x"), "levels must be numbers"),
         (("contours", "in.npy", "-o", "o.svg", "--levels", "nan"), "finite numbers"),
@@ -488,6 +489,20 @@ def test_real_files_that_cannot_be_faired(run, shared_data, tmp_path, name, said
     code, _, err = run("upsample", shared_data / name, "-o", tmp_path / "out.npz", "-q")
     assert code == 2
     assert said in one_line(err)
+
+
+def test_names_that_are_too_long_or_no_characters(run, dem, tmp_path):
+    for command in ("upsample", "contours"):
+        code, _, err = run(command, dem, "-o", tmp_path / f"{300 * 'a'}.npy", "-q")
+        assert code == 2
+        assert "name too long" in err or "the name must end in" in err
+    code, _, err = run("info", tmp_path / f"{300 * 'a'}.npy")
+    assert (code, "there is no such file" in err) == (2, True)
+    target = tmp_path / os.fsdecode(b"\xff.npy")
+    code, out, _ = run("upsample", dem, "-o", target)
+    assert code == 0
+    assert "\\udcff.npy: 33 x 41" in out
+    assert target.exists()
 
 
 @pytest.mark.parametrize("command", ["upsample", "contours"])

@@ -15,7 +15,7 @@ _ZARR = ("zarr.json", ".zgroup", ".zarray")
 
 def check_target(path: str | os.PathLike[str]) -> Path:
     """The file that `path` names, links followed; refuses what cannot become a file."""
-    target = Path(os.path.realpath(path))
+    target = _target(path)
     if target.is_dir():
         raise InputError(f"{path}: is a folder; name a file in it")
     if target.exists() and not target.is_file():
@@ -26,7 +26,7 @@ def check_target(path: str | os.PathLike[str]) -> Path:
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
     """The folder that `path` names, links followed; one that is there must be a Zarr folder."""
-    target = Path(os.path.realpath(path))
+    target = _target(path)
     if target.exists() and not target.is_dir():
         raise InputError(f"{path}: is a file, so there can be no folder of this name")
     if target.exists() and not any((target / name).is_file() for name in _ZARR):
@@ -127,6 +127,14 @@ def check_parent(path: str | os.PathLike[str]) -> None:
         raise InputError(f"{path}: there is no folder {shown}; make it first")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"{path}: the folder {shown} may not be written to; choose another")
+
+
+def _target(path: str | os.PathLike[str]) -> Path:
+    """What `path` names; refuses names that the system does, such as too long ones."""
+    target = Path(os.path.realpath(path))
+    with in_one_line(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        os.stat(target)
+    return target
 
 
 def _beside(target: Path) -> Path:

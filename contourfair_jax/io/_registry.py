@@ -38,7 +38,7 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
     """
     chosen = _format(path, "reader")
     source = Path(path)
-    if not source.exists():
+    if not os.path.exists(source):  # false for names that the system refuses, too
         raise InputError(f"{path}: there is no such file")
     if source.is_dir() != chosen.folder:
         found, wanted = ("file", "folder") if chosen.folder else ("folder", "file")

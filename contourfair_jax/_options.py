@@ -16,7 +16,8 @@ def _readable() -> str:
     """Endings of the files of samples that can be read, by the extra that brings their packages."""
     groups: dict[str, list[str]] = {}
     for each in FORMATS:
-        groups.setdefault(each.outside.extra if each.outside else "", []).extend(each.suffixes)
+        needed = each.outside is not None and each.outside.packages
+        groups.setdefault(each.outside.extra if needed else "", []).extend(each.suffixes)
     lines = [
         ", ".join(suffixes) + (f" (extra [cyan]{extra}[/])" if extra else "")
         for extra, suffixes in groups.items()

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rasterio
+from file_helpers import inside  # noqa: F401
 from matplotlib.figure import Figure
 from PIL import Image
 from rasterio.transform import Affine
@@ -22,6 +23,8 @@ from contourfair_jax._levels import choose_levels, even_levels, interval_levels,
 from contourfair_jax._window import busiest_window
 from contourfair_jax.io import FORMATS, Grid, InputError, read, write
 from contourfair_jax.isosurface import Isosurface
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 # One shape for most tests, so that the engine is compiled once.
 SHAPE = (9, 11)

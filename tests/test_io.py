@@ -11,6 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 import rasterio
+from file_helpers import inside  # noqa: F401
 from PIL import Image
 from rasterio.transform import Affine
 
@@ -27,6 +28,8 @@ from contourfair_jax.io import (
     write_geojson,
     write_svg,
 )
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 UTM = "EPSG:32633"
 # North-up: y falls with the row.

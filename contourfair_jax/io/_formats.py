@@ -20,7 +20,7 @@ class Outside:
     extra
         The extra of this package that brings them.
     packages
-        The names under which they are imported.
+        The names under which those are imported that no file of the format can do without.
     """
 
     extra: str
@@ -86,6 +86,9 @@ class Format:
 
 _NETCDF = Outside("netcdf", ("xarray", "h5netcdf", "h5py", "netCDF4", "scipy"))
 _ZARR = Outside("zarr", ("zarr", "xarray"))
+# Plain images need Pillow only; `_tiff` looks for rasterio where a file calls for it.  Reading
+# either kind runs libtiff, which is no safer with damaged files than the other libraries.
+_TIFF = Outside("geotiff", ())
 _RASTERIO = Outside("geotiff", ("rasterio",))
 _VTK = Outside("vtk", ("vtkmodules",))
 _NIBABEL, _NRRD, _ITK, _PYDICOM = (
@@ -97,7 +100,7 @@ FORMATS = (
     Format("NumPy array", (".npy",), "_npy"),
     Format("NumPy archive", (".npz",), "_npz"),
     Format("PNG image", (".png",), "_image", writer="write_png"),
-    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff"),
+    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff", outside=_TIFF),
     Format("Gaussian cube", (".cube", ".cub"), "_cube", writer=""),
     Format("CCP4 or MRC map", (".ccp4", ".mrc", ".map"), "_ccp4", writer=""),
     Format("USGS DEM", (".dem",), "_geotiff", "read_usgs_dem", "", _RASTERIO),

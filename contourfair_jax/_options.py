@@ -16,8 +16,8 @@ def _readable() -> str:
     """Endings of the files of samples that can be read, by the extra that brings their packages."""
     groups: dict[str, list[str]] = {}
     for each in FORMATS:
-        needed = each.outside is not None and each.outside.packages
-        groups.setdefault(each.outside.extra if needed else "", []).extend(each.suffixes)
+        extra = each.outside.extra if each.outside and each.outside.packages else ""
+        groups.setdefault(extra, []).extend(each.suffixes)
     lines = [
         ", ".join(suffixes) + (f" (extra [cyan]{extra}[/])" if extra else "")
         for extra, suffixes in groups.items()

@@ -24,7 +24,7 @@ from contourfair_jax.io import Grid, InputError, read, write
 FEW = settings(
     max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)
 )
-MANY = settings(FEW, max_examples=3000)
+MANY = settings(FEW, max_examples=1000)
 EFFORTS = [FEW, pytest.param(MANY, marks=pytest.mark.slow)]
 
 

@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nibabel.arrayproxy import ArrayProxy
@@ -93,7 +94,9 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
 def _codes(header: Nifti1Header) -> tuple[dict[str, str], tuple[str, ...]]:
     """What the two maps of a header refer to, and a note where only one of them can be kept."""
     codes = {name: str(int(header[name])) for name in ("sform_code", "qform_code")}
-    if "0" in codes.values() or np.allclose(header.get_sform(), header.get_qform(), atol=1e-3):
+    sform: Any = header.get_sform()
+    qform: Any = header.get_qform()
+    if "0" in codes.values() or np.allclose(sform, qform, atol=1e-3):
         return codes, ()
     return {**codes, "qform_code": "0"}, ("the qform is left out: the sform is another map",)
 
@@ -126,4 +129,5 @@ def _describe(header: Nifti1Header, metadata: Mapping[str, str]) -> None:
         header[field] = metadata.get(name, "").encode("ascii", "replace")[:most]
     for name in _NUMBERS:
         with suppress(ValueError, OverflowError):
-            header[name] = header[name].dtype.type(float(metadata.get(name, 0)))
+            kind: Any = header[name].dtype.type
+            header[name] = kind(float(metadata.get(name, 0)))

@@ -29,7 +29,8 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
     path
         The file; its suffix says the format.
     key
-        Which array, where a file holds several: a name in a ``.npz``, a band of a GeoTIFF.
+        Which array, and which part of it: ``name``, ``name,time=3,level=0:5`` with numbers of
+        samples, ``t=0`` alone, the number or the name of a band, the number of a DICOM series.
 
     Raises
     ------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -46,18 +47,20 @@ class Reporter:
         """One line that the user should know."""
         self._notes.append(text)
         if not self.quiet and not self.as_json:
-            self._console.print(f"note: {text}", markup=False)
+            self._console.print(_printable(f"note: {text}"), markup=False)
 
     def error(self, text: str) -> None:
-        """One line that says why there is no result."""
-        self._console.print(f"contourfair: {text}", markup=False)
+        """One line that says why there is no result; as JSON, results are that line on stdout."""
+        if self.as_json:
+            print(json.dumps({"error": text}))
+        self._console.print(_printable(f"contourfair: {text}"), markup=False)
 
     def done(self, target: Path, text: str, **facts: Any) -> None:
         """Say on stdout what was written, in words, or with `facts` as JSON."""
         if self.as_json:
             self.result({"output": str(target), **facts})
         elif not self.quiet:
-            print(f"{target}: {text}")
+            print(_printable(f"{target}: {text}"))
 
     def result(self, facts: dict[str, Any]) -> None:
         """Show results, and the notes so far, as one line of JSON; what is not finite is null."""
@@ -127,7 +130,13 @@ class Reporter:
         if self._console.is_terminal:
             progress.start()
         else:
-            self._console.print(f"{text} ...", markup=False)
+            self._console.print(_printable(f"{text} ..."), markup=False)
+
+
+def _printable(text: str) -> str:
+    """`text` as a terminal can show it: names of files may be of bytes that are no characters."""
+    encoding = sys.stdout.encoding or "utf-8"
+    return text.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def _plain(value: Any) -> Any:

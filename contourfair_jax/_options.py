@@ -11,13 +11,43 @@ from .io import FORMATS
 # Endings of the files of samples that can be written.
 WRITABLE = ", ".join(suffix for each in FORMATS if each.writer for suffix in each.suffixes)
 
+
+def _readable() -> str:
+    """Endings of the files of samples that can be read, by the extra that brings their packages."""
+    groups: dict[str, list[str]] = {}
+    for each in FORMATS:
+        extra = each.outside.extra if each.outside and each.outside.packages else ""
+        groups.setdefault(extra, []).extend(each.suffixes)
+    lines = [
+        ", ".join(suffixes) + (f" (extra [cyan]{extra}[/])" if extra else "")
+        for extra, suffixes in groups.items()
+    ]
+    return f"Files that are read: {'; '.join(lines)}; GeoTIFF with the extra [cyan]geotiff[/]."
+
+
+SUMMARY = (
+    "Smooth fields with fair contours from samples on a grid: they pass through every sample.\n\n"
+    f"{_readable()} A folder of DICOM slices is read as a volume."
+)
+
 Input = Annotated[Path, typer.Argument(metavar="IN", help="File of samples.", show_default=False)]
 Key = Annotated[
     str | None,
-    typer.Option("--key", "-k", help="Which array: a name in a .npz, a band of a GeoTIFF."),
+    typer.Option(
+        "--key",
+        "-k",
+        help="Which array, and which part of it: NAME, or NAME,time=3,level=0:5 with numbers of "
+        "samples, or t=0 alone; component=2 of vectors; the number or name of a GeoTIFF band; "
+        "the number of a DICOM series.",
+    ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No notes, no progress; errors only.")]
-Json = Annotated[bool, typer.Option("--json", help="Results as one line of JSON, for programs.")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Results, or why there are none, as one line of JSON, for programs."
+    ),
+]
 Single = Annotated[bool, typer.Option("--float32", help="Compute in float32: half the memory.")]
 Iterations = Annotated[
     int | None,
@@ -35,7 +65,12 @@ Fill = Annotated[
 ]
 Method = Annotated[
     str,
-    typer.Option("--method", "-m", help=f"How to fair: {', '.join(METHODS)}."),
+    typer.Option(
+        "--method",
+        "-m",
+        help=f"How to fair: {', '.join(METHODS)}.",
+        autocompletion=lambda: list(METHODS),
+    ),
 ]
 Workers = Annotated[
     int, typer.Option(help="Processes that work on a .zarr or .npy output at the same time.")

@@ -1,5 +1,6 @@
 """What several commands do: read the input, check the names of files, choose levels."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +10,14 @@ from ._describe import missing_note
 from ._levels import choose_levels
 from ._run import result_dtype
 from .io import Grid, InputError, read
+from .io._atomic import check_parent, check_target
 
 
 def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
     """Read the samples and tell what is to be known about them."""
-    if source.exists() and target.exists() and source.samefile(target):
+    check_parent(target)
+    if os.path.exists(source) and os.path.exists(target) and source.samefile(target):
         raise InputError(f"{target}: is the input; write to another file")
-    if not target.parent.is_dir():
-        raise InputError(f"{target}: there is no folder {target.parent}; make it first")
     with say.working(f"reading {source}"):
         grid = read(source, key)
     for note in grid.notes:
@@ -33,9 +34,10 @@ def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
 
 
 def check_suffix(target: Path, known: tuple[str, ...]) -> None:
-    """Refuse a name whose ending says no known kind of file."""
+    """Refuse an output whose ending says no known kind of file, or that cannot become a file."""
     if target.suffix.lower() not in known:
         raise InputError(f"{target}: the name must end in {', '.join(known)}")
+    check_target(target)
 
 
 def levels_of(

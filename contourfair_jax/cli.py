@@ -22,6 +22,7 @@ from ._cli_metrics import COMMANDS as METRICS
 from ._console import Reporter
 from ._describe import describe_output, facts, information
 from ._options import (
+    SUMMARY,
     WRITABLE,
     Count,
     Crop,
@@ -65,11 +66,12 @@ def _show_version(wanted: bool) -> None:
 
 
 @app.callback(
+    help=SUMMARY,
     epilog=examples(
         "contourfair upsample dem.tif -o dem_4x.tif --factor 4",
         "contourfair contours dem.tif -o lines.geojson --interval 20",
         "contourfair compare photo.png -o figure.png",
-    )
+    ),
 )
 def _options_of_all(
     show_version: Annotated[
@@ -77,12 +79,7 @@ def _options_of_all(
         typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True),
     ] = False,
 ) -> None:
-    """Smooth fields with fair contours from samples on a grid: they pass through every sample.
-
-    Files: .npy, .npz, .png and .tif; with extras GeoTIFF and USGS DEM ([cyan]geotiff[/]),
-    NetCDF ([cyan]netcdf[/]), Zarr ([cyan]zarr[/]), VTK ([cyan]vtk[/]), and NIfTI, NRRD, MetaImage
-    and DICOM ([cyan]medical[/]).
-    """
+    """Options of the program itself; `SUMMARY` is its help."""
 
 
 @app.command(
@@ -203,7 +200,7 @@ def info(source: Input, key: Key = None, quiet: Quiet = False, as_json: Json = F
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; errors are one line on stderr.
+    """Run the command line; errors are one line on stderr, with ``--json`` also one on stdout.
 
     Returns
     -------
@@ -211,10 +208,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0, or 2 for input that cannot be used, 1 for a fault of the program, 130 if interrupted.
     """
     command = typer.main.get_command(app)
-    report = Reporter()
+    words = sys.argv[1:] if arguments is None else [*arguments]
+    report = Reporter(as_json="--json" in words)
     try:
         result = command.main(
-            args=None if arguments is None else list(arguments),
+            args=words,
             prog_name="contourfair",
             standalone_mode=False,
         )
@@ -227,9 +225,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             report.error(f"{message} (contourfair --help shows how it is used)")
         return 2
     except (KeyboardInterrupt, typer.Abort):
-        report.error("interrupted")
-        return 130
+        result = _INTERRUPTED
     except Exception as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            report.error(f"{os.fsdecode(error.filename)}: {error.strerror}")
+            return 2
         if os.environ.get("CONTOURFAIR_TRACEBACK"):
             traceback.print_exc()
         first = (str(error).splitlines() or [""])[0]
@@ -238,9 +238,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "(set CONTOURFAIR_TRACEBACK=1 for details)"
         )
         return 1
+    if result == _INTERRUPTED:  # from Typer too, which says nothing
+        report.error("interrupted")
     return result if isinstance(result, int) else 0
 
 
+_INTERRUPTED = 130
 # The base of all errors about how a command is called; Typer exports its subclass only.
 _USAGE: Any = typer.BadParameter.__mro__[2]
 

@@ -10,7 +10,9 @@ import pytest
 
 from contourfair_jax.io import Grid
 
-WRITTEN_3D = (".nc", ".zarr", ".nii", ".nii.gz", ".nrrd", ".mha", ".vti", ".vtk")
+WRITTEN_3D = (
+    *(".nc", ".zarr", ".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".vti", ".vtk"),
+)
 
 
 def read_inside(module: str, reader: str, path: Path, key: str | None) -> Grid:

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rasterio
+from file_helpers import inside  # noqa: F401
 from matplotlib.figure import Figure
 from PIL import Image
 from rasterio.transform import Affine
@@ -22,6 +23,8 @@ from contourfair_jax._levels import choose_levels, even_levels, interval_levels,
 from contourfair_jax._window import busiest_window
 from contourfair_jax.io import FORMATS, Grid, InputError, read, write
 from contourfair_jax.isosurface import Isosurface
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 # One shape for most tests, so that the engine is compiled once.
 SHAPE = (9, 11)
@@ -450,6 +453,7 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
         (("contours", "in.npy", "-o", "out.csv", "--filled"), "must end in .geojson, .json, .gpkg"),
         (("contours", "in.npy", "-o", "o.svg", "-t", "0"), "tolerance must be a distance"),
         (("contours", "in.npy", "-o", "o.svg", "--plot", "o.pdf"), "o.pdf: the name must end in"),
+        (("contours", "in.npy", "-o", "o.svg", "--plot", "no/o.png"), "there is no folder no"),
         (("contours", "in.npy", "-o", "out.dxf"), "the name must end in .geojson"),
         (("contours", "in.npy", "-o", "o.svg", "--levels", "1,x"), "levels must be numbers"),
         (("contours", "in.npy", "-o", "o.svg", "--levels", "nan"), "finite numbers"),
@@ -500,6 +504,32 @@ def test_real_files_that_cannot_be_faired(run, shared_data, tmp_path, name, said
     assert said in one_line(err)
 
 
+def test_names_that_are_too_long_or_no_characters(run, dem, tmp_path):
+    for command in ("upsample", "contours"):
+        code, _, err = run(command, dem, "-o", tmp_path / f"{300 * 'a'}.npy", "-q")
+        assert code == 2
+        assert "name too long" in err or "the name must end in" in err
+    code, _, err = run("info", tmp_path / f"{300 * 'a'}.npy")
+    assert (code, "there is no such file" in err) == (2, True)
+    target = tmp_path / os.fsdecode(b"\xff.npy")
+    code, out, _ = run("upsample", dem, "-o", target)
+    assert code == 0
+    assert "\\udcff.npy: 33 x 41" in out
+    assert target.exists()
+
+
+@pytest.mark.parametrize("command", ["upsample", "contours"])
+def test_a_folder_that_is_read_only_is_said_before_any_work(
+    run, dem, tmp_path, monkeypatch, command
+):
+    monkeypatch.setattr("contourfair_jax.io._registry._format", None)  # nothing is read
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
+    target = tmp_path / ("o.npy" if command == "upsample" else "o.svg")
+    code, _, err = run(command, dem, "-o", target, "-q")
+    assert code == 2
+    assert "may not be written to; choose another" in one_line(err)
+
+
 def test_faults_of_the_program_are_code_1_and_leave_nothing(run, dem, tmp_path, monkeypatch):
     def broken(*_):
         raise TypeError("first line\nsecond line")
@@ -548,18 +578,60 @@ def test_results_as_json(run, dem, tmp_path):
     assert found["window"] == [[0, 9], [0, 11]]
 
 
-def test_the_shell_completes_names():
-    asked = {"_CONTOURFAIR_COMPLETE": "complete_bash", "COMP_WORDS": "contourfair co"}
-    environment = {**os.environ, **asked, "COMP_CWORD": "1"}
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("info", "none.npy"), 2, "none.npy: there is no such file"),
+        (("info", "in.npy", "--nonsense"), 2, "No such option: --nonsense"),
+        (("info", "in.npy"), 1, "internal error, TypeError: a fault"),
+        (("info", "in.npy"), 130, "interrupted"),
+    ],
+)
+def test_failures_as_json(run, tmp_path, monkeypatch, arguments, code, said):
+    def fault(*_):
+        raise {1: TypeError, 130: KeyboardInterrupt}[code]("a fault")
+
+    monkeypatch.chdir(tmp_path)
+    np.save("in.npy", hill())
+    if code != 2:
+        monkeypatch.setattr(cli, "read", fault)
+    found, out, err = run(*arguments, "--json")
+    assert found == code
+    assert json.loads(out)["error"].startswith(said)
+    assert f"contourfair: {json.loads(out)['error']}" == one_line(err)
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("contourfair co", ["contours", "compare"]),
+        ("contourfair upsample --method ", ["local", "global", "tune"]),
+    ],
+)
+def test_the_shell_completes_names(words, found):
+    asked = {"_CONTOURFAIR_COMPLETE": "complete_bash", "COMP_WORDS": words}
+    environment = {**os.environ, **asked, "COMP_CWORD": str(words.count(" "))}
     command = [sys.executable, "-c", "import sys; from contourfair_jax import cli; cli.main()"]
     call = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert call.stdout.split() == ["contours", "compare"]
+    assert call.stdout.split() == found
 
 
 def test_help_names_all_endings_that_can_be_written(run):
     out = "".join(run("upsample", "--help")[1].split())
     for suffix in (suffix for each in FORMATS if each.writer for suffix in each.suffixes):
         assert f"{suffix}," in out or f"{suffix}." in out
+
+
+def test_help_names_all_endings_that_are_read(run):
+    out = re.sub(r"[\s│]", "", run("--help")[1])
+    for suffix in (suffix for each in FORMATS for suffix in each.suffixes):
+        assert re.search(re.escape(suffix) + r"[,;(]", out), suffix
+
+
+def test_help_of_the_key_names_its_grammar(run):
+    out = re.sub(r"[\s│]", "", run("info", "--help")[1])
+    for each in ("NAME,time=3,level=0:5", "t=0", "component=2", "GeoTIFFband", "DICOMseries"):
+        assert each in out
 
 
 def test_help_and_version(run):

@@ -24,7 +24,7 @@ from contourfair_jax.io import (
 DTYPES = ("uint8", "int16", "uint16", "int32", "int64", "float32", "float64")
 STEPS = np.diag([2.0, 1.5, 0.5, 1.0]) + np.eye(4, k=3) * 40
 DOWN = STEPS * [[-1], [1], [-1], [1]]
-KEEP_NODATA = (".nc", ".zarr", ".nrrd", ".mha", ".vti")
+KEEP_NODATA = (".nc", ".zarr", ".nrrd", ".nhdr", ".mha", ".mhd", ".vti")
 
 
 def oblique() -> np.ndarray:
@@ -176,7 +176,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path, suffix, monkeypatch):
     with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
         write(path, Grid(samples("float64")))
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
-    assert os.listdir(tmp_path) == [path.name]
+    assert set(os.listdir(tmp_path)) <= {path.name, "grid.raw"}
 
 
 @pytest.mark.parametrize("suffix", WRITTEN_3D)
@@ -189,7 +189,7 @@ def test_formats_say_beforehand_what_they_cannot_hold(tmp_path, suffix):
 
 
 def test_formats_that_are_only_read_are_not_written(tmp_path):
-    for suffix in (".mhd", ".nhdr", ".dcm", ".dem", ".asc"):
+    for suffix in (".dcm", ".dem", ".asc"):
         with pytest.raises(InputError, match=r"are not written; known suffixes: \.npy"):
             write(tmp_path / f"grid{suffix}", Grid(samples()))
 
@@ -226,6 +226,53 @@ def test_a_link_to_a_zarr_folder_stays_one(tmp_path):
     assert read(f"{tmp_path}/real.zarr/").values.dtype == np.int16
 
 
+# ---- a header with a file beside it ------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("inside")
+@pytest.mark.parametrize("suffix", [".mhd", ".nhdr"])
+def test_a_header_and_its_samples_are_replaced_together(tmp_path, suffix, monkeypatch):
+    path = tmp_path / f"grid{suffix}"
+    (tmp_path / "grid.raw").write_text("mine")
+    for use in (lambda: write(path, Grid(samples())), lambda: check_writable(path)):
+        with pytest.raises(InputError, match=r"grid\.raw is there without it, so it is not repl"):
+            use()
+    assert (tmp_path / "grid.raw").read_text() == "mine"
+    (tmp_path / "grid.raw").unlink()
+    for dtype in ("uint8", "int16"):
+        write(path, Grid(samples(dtype)))
+        assert sorted(os.listdir(tmp_path)) == sorted([path.name, "grid.raw"])
+        assert read(path).values.dtype == dtype
+    replace = os.replace
+
+    def full(source, target):
+        if str(target).endswith(suffix):
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
+        write(path, Grid(samples("float64")))
+    assert os.listdir(tmp_path) == ["grid.raw"]  # no header beside samples of another
+
+
+# ---- what is refused before any work -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".zarr", ".mhd"])
+def test_a_folder_that_may_not_be_written_to_is_said_at_once(tmp_path, suffix, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
+    with pytest.raises(InputError, match="may not be written to; choose another"):
+        check_writable(tmp_path / f"grid{suffix}")
+
+
+def test_compressed_files_are_said_to_be_so(tmp_path):
+    for name in ("a.mha.gz", "a.nrrd.bz2", "a.zip"):
+        (tmp_path / name).write_bytes(b"")
+        with pytest.raises(InputError, match="is compressed as a whole; unpack it"):
+            read(tmp_path / name)
+
+
 # ---- reading in a process of its own -----------------------------------------------------------
 
 
@@ -238,6 +285,14 @@ def test_every_format_is_read_by_a_child(tmp_path, suffix):
     same_places(again, grid)
     assert again.values.flags.c_contiguous
     assert again.values.flags.writeable
+
+
+def test_both_kinds_of_tiff_are_read_by_a_child(tmp_path, monkeypatch):
+    monkeypatch.setattr("contourfair_jax.io._tiff.read", None)  # here, not there
+    for name, affine in (("plain", None), ("geo", np.diag([2.0, 1.5, 1.0]))):
+        grid = Grid(samples(shape=(4, 5)), affine=affine)
+        write(tmp_path / f"{name}.tif", grid)
+        same_places(read(tmp_path / f"{name}.tif"), grid)
 
 
 # What the child runs instead, what is then said.
@@ -293,7 +348,11 @@ def test_a_child_that_cannot_start_is_one_line(tmp_path, monkeypatch):
         read(tmp_path / "grid.nii")
 
 
-@pytest.mark.parametrize("each", [row for row in FORMATS if row.outside], ids=lambda row: row.name)
+@pytest.mark.parametrize(
+    "each",
+    [row for row in FORMATS if row.outside and row.outside.packages],
+    ids=lambda row: row.name,
+)
 def test_a_missing_package_names_the_extra(tmp_path, monkeypatch, each):
     path = tmp_path / f"grid{each.suffixes[0]}"
     path.mkdir() if each.folder else path.write_bytes(b"")

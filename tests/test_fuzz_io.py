@@ -89,7 +89,7 @@ def make(row, folder: Path) -> Path:
     suffix = row.suffixes[0] if row.suffixes else ""
     path = folder / f"whole{suffix}"
     affine = np.diag([2.0, 1.5, 0.5, 1.0])
-    if row.writer:
+    if row.writer and suffix not in WHOLE:
         flat = Grid(samples("uint8", (9, 11)), affine=affine[1:, 1:], crs="EPSG:32633")
         solid = Grid(samples("float32", (4, 5, 6)), affine=affine, units="m", nodata=-9999.0)
         write(path, flat if suffix in (".png", ".tif") else solid)

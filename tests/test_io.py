@@ -11,6 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 import rasterio
+from file_helpers import inside  # noqa: F401
 from PIL import Image
 from rasterio.transform import Affine
 
@@ -27,6 +28,8 @@ from contourfair_jax.io import (
     write_geojson,
     write_svg,
 )
+
+pytestmark = pytest.mark.usefixtures("inside")
 
 UTM = "EPSG:32633"
 # North-up: y falls with the row.
@@ -218,6 +221,9 @@ def test_a_stack_of_tiff_pages_is_a_volume(tmp_path):
     np.testing.assert_array_equal(back.values, grid.values)
     assert back.axes == ("z", "y", "x")
     assert back.notes == ("3 pages are read as a volume",)
+    said = "a TIFF of several pages keeps no coordinates: they are left out (.nc and .npz keep "
+    placed = Grid(grid.values, affine=np.eye(4))
+    assert write(tmp_path / "stack.tif", placed) == (f"{said}them)",)
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16"])
@@ -372,12 +378,19 @@ def test_bands_are_chosen_by_number_or_name(tmp_path):
     with rasterio.open(tmp_path / "in.tif", "r+") as target:
         target.set_band_description(2, "height")
     first = read(tmp_path / "in.tif")
-    assert first.notes == ("band 1 of 2 is used; choose another by its number",)
+    said = "band 1 of 2 is read, the others are left out; choose with a key of 1, 2 height"
+    assert first.notes == (said,)
     assert read(tmp_path / "in.tif", key=2).values[0, 0] == 100
     assert read(tmp_path / "in.tif", key="height").values[0, 0] == 100
     for key in (0, 3, "depth", "-1"):
         with pytest.raises(InputError, match=f"has no band '{key}'; it has 1, 2 height"):
             read(tmp_path / "in.tif", key=key)
+
+
+def test_of_many_bands_the_first_are_named(tmp_path):
+    raster(tmp_path / "in.tif", np.zeros((20, 3, 4), "uint8"))
+    named = "1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, ... 20"
+    assert read(tmp_path / "in.tif").notes[0].endswith(f"choose with a key of {named}")
 
 
 def test_packed_values_are_decoded(tmp_path):
@@ -674,8 +687,9 @@ def test_a_format_that_cannot_hold_the_grid_is_refused_beforehand(tmp_path):
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs a folder nobody may write to")
 def test_an_unwritable_folder():
-    with pytest.raises(InputError, match="cannot be written"):
-        write("/proc/self/grid.npy", Grid(terrain()))
+    for use in (check_writable, lambda path: write(path, Grid(terrain()))):
+        with pytest.raises(InputError, match="/proc/self may not be written to; choose another"):
+            use("/proc/self/grid.npy")
 
 
 def test_a_replaced_file_keeps_its_permissions_and_links(tmp_path):

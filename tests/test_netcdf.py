@@ -12,6 +12,7 @@ import zarr
 from file_helpers import inside, samples  # noqa: F401
 
 from contourfair_jax.io import Grid, InputError, read, write
+from contourfair_jax.io._zarr import read_outline
 
 pytestmark = pytest.mark.usefixtures("inside")
 
@@ -164,7 +165,10 @@ def test_curvilinear_coordinates_are_said_not_to_be_used(tmp_path):
     )
     grid = read(stored(tmp_path, data))
     assert grid.affine is None
-    assert grid.notes == ("nav_lat, nav_lon are curvilinear: sample numbers are used instead",)
+    assert grid.notes == (
+        "nav_lat, nav_lon are curvilinear: sample numbers are used instead",
+        "variables that are left out: nav_lat, nav_lon",
+    )
 
 
 def test_uneven_levels_behind_their_numbers_are_said(tmp_path):
@@ -223,6 +227,45 @@ def test_a_projection_is_kept_as_wkt_or_in_its_own_terms(tmp_path, suffix):
     assert read(tmp_path / f"wkt{suffix}").crs == "EPSG:4326"
 
 
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_attributes_of_the_whole_data_set_are_kept(tmp_path, suffix):
+    data = field().to_dataset()
+    data.attrs = {"title": "a map", "institution": "the sea", "Conventions": "CF-1.4", "levels": 3}
+    grid = read(stored(tmp_path, data))
+    assert grid.metadata["title"] == "a map"
+    assert grid.metadata["global:levels"] == "3"
+    write(tmp_path / f"again{suffix}", grid)
+    opened = (
+        xr.open_dataset(tmp_path / "again.nc", engine="h5netcdf")
+        if suffix == ".nc"
+        else xr.open_zarr(tmp_path / "again.zarr", consolidated=False, chunks=None)
+    )
+    with opened as again:
+        kept = {"title": "a map", "institution": "the sea", "levels": "3"}
+        assert again.attrs == {**kept, "Conventions": "CF-1.8"}
+    assert read(tmp_path / f"again{suffix}").metadata == grid.metadata
+
+
+def test_what_is_left_out_of_a_data_set_is_named(tmp_path):
+    data = xr.Dataset({"t": field(("time", "lat", "lon"), (2, 4, 6)), "u": field()})
+    data = data.assign_coords(
+        time=[3.0, 9.0],
+        area=(("lat", "lon"), samples(shape=(4, 6))),
+        lat_bnds=(("lat", "two"), np.zeros((4, 2))),
+    )
+    data["crs"] = ((), 0, {"crs_wkt": "EPSG:4326"})
+    data["t"].attrs["grid_mapping"] = "crs"
+    path = stored(tmp_path, data)
+    grid = read(path, "t,time=1")
+    assert grid.metadata["at_time"] == "9"
+    said = ("variables that are left out:", "u", "area", "lat_bnds")
+    assert sorted(grid.notes[0].replace(",", "").split(" ")) == sorted(" ".join(said).split(" "))
+    write(tmp_path / "again.nc", grid)
+    assert read(tmp_path / "again.nc").notes == ()
+    many = xr.Dataset({f"v{k:02d}": field() for k in range(20)})
+    assert read(stored(tmp_path, many), "v00").notes[0].endswith("v11, v12 and 7 more")
+
+
 def test_xarray_reads_what_is_written(tmp_path):
     grid = read(stored(tmp_path, field(units="K")))
     write(tmp_path / "a.nc", grid)
@@ -274,6 +317,19 @@ def test_a_plain_array(tmp_path, version):
     np.testing.assert_array_equal(read(tmp_path / "a.zarr", f"{axis}=2").values, samples("i2")[2])
     with pytest.raises(InputError, match="no 'data' to choose"):
         read(tmp_path / "a.zarr", "data")
+
+
+@pytest.mark.parametrize("consolidated", [True, False])
+def test_a_group_of_version_2(tmp_path, consolidated):
+    data = field(units="K")
+    data.to_dataset().to_zarr(tmp_path / "a.zarr", zarr_format=2, consolidated=consolidated)
+    grid = read(tmp_path / "a.zarr")
+    np.testing.assert_array_equal(grid.values, data)
+    assert grid.axes == ("lat", "lon")
+    assert grid.units == "K"
+    outline, array = read_outline(tmp_path / "a.zarr", None)
+    assert outline.shape == (4, 6)
+    np.testing.assert_array_equal(array[1:3, 2:4], data[1:3, 2:4])
 
 
 class Trap:

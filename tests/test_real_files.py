@@ -92,6 +92,14 @@ REAL = {
         *((59, 69, 100), "int8", -128, 127, 0, None, (0.91552, 0.95853, 0.95853)),
         ".nrrd .npz",
     ),
+    ("annual_precip.npz", None): ((168, 360), "float32", 0, 20195, 0, None, (1, 1), ".npz .nc"),
+    ("coins.png", None): ((303, 384), "uint8", 1, 252, 0, None, (1, 1), ".png .tif"),
+    ("microaneurysms.png", None): ((102, 102), "uint8", 38, 129, 0, None, (1, 1), ".png .npy"),
+    ("mri_s1045.npz", None): ((256, 256), "uint16", 0, 215, 0, None, (1, 1), ".npz .png .tif"),
+    ("neghip.npz", None): ((66, 66, 66), "uint8", 0, 255, 0, None, (1, 1, 1), ".npz"),
+    ("olinda.npz", None): ((111, 111), "float32", -1, 88, 0, None, (89.994, 89.994), ".tif .npz"),
+    ("topobathy_mpl.npz", "topo"): ((91, 120), "float32", -1437, 2205, 0, None, (1, 1), ".npz"),
+    ("volcano.npz", None): ((61, 87), "int16", 94, 195, 0, None, (10, 10), ".npz .tif .nc"),
     ("ironProt.vtk", None): ((68, 68, 68), "uint8", 0, 255, 0, None, (1, 1, 1), ".vtk"),
     ("carotid.vtk", None): ((45, 49, 76), "float32", 0, 580, 0, None, (1, 1, 1), ".vtk .vti"),
     ("carotid.vtk", "vectors,component=2"): (
@@ -169,6 +177,9 @@ REFUSED = {
     ("functional.nii", None): "choose with a key such as t=0",
     ("carotid.vtk", "vectors"): "choose with a key such as component=0",
     ("volcano.json", None): "files of this name are not read; known suffixes",
+    ("annual-precip.json", None): "files of this name are not read; known suffixes",
+    ("nucleon_41x41x41_uint8.raw", None): "files of this name are not read; known suffixes",
+    ("s1045.ima.gz", None): "is compressed as a whole; unpack it and read what is in it",
     ("neghip.slc", None): "files of this name are not read; known suffixes",
 }
 

@@ -1,7 +1,10 @@
 """NIfTI, NRRD, MetaImage, DICOM and VTK: places against the libraries themselves, parts, series."""
 
+import bz2
+import gzip
 import math
 import os
+import tracemalloc
 
 import nibabel
 import nrrd
@@ -158,6 +161,45 @@ def test_scaled_values_are_decoded(tmp_path):
     assert np.ptp(grid.values) == 0.25 * np.ptp(np.frombuffer(raw[352:], "<i2").astype(float))
 
 
+@pytest.mark.parametrize(("sform", "qform"), [(4, 0), (0, 1), (3, 3), (2, 1)])
+def test_what_the_header_of_a_nifti_says_is_kept(tmp_path, sform, qform):
+    image = nibabel.Nifti1Image(samples("f4").T, None)
+    affine = np.diag([0.5, 1.5, 2.0, 1.0])
+    image.set_sform(affine, sform)
+    image.set_qform(affine, qform)
+    image.header.set_intent("t test", (12,), name="task")
+    image.header["cal_max"] = 99.5
+    nibabel.save(image, tmp_path / "a.nii")
+    grid = read(tmp_path / "a.nii")
+    assert grid.notes == ()
+    write(tmp_path / "a.nrrd", grid)
+    assert write(tmp_path / "b.nii", read(tmp_path / "a.nrrd")) == ()
+    header = nibabel.load(tmp_path / "b.nii").header
+    assert (header["sform_code"], header["qform_code"]) == (sform, qform)
+    assert header.get_intent() == ("t test", (12.0,), "task")
+    assert (header["cal_min"], header["cal_max"]) == (0, 99.5)
+
+
+def test_what_is_not_kept_of_a_nifti_is_said(tmp_path):
+    image = nibabel.Nifti1Image(samples("f4").T, None)
+    image.set_sform(np.diag([0.5, 1.5, 2.0, 1.0]), 4)
+    image.set_qform(np.diag([0.5, 1.5, 2.5, 1.0]), 1)
+    image.header.extensions.append(nibabel.nifti1.Nifti1Extension("comment", b"a note"))
+    nibabel.save(image, tmp_path / "a.nii")
+    grid = read(tmp_path / "a.nii")
+    assert grid.notes == (
+        "the qform is left out: the sform is another map",
+        "extensions of the header are left out: 1",
+    )
+    write(tmp_path / "b.nii", grid)
+    header = nibabel.load(tmp_path / "b.nii").header
+    assert (header["sform_code"], header["qform_code"]) == (4, 0)
+    odd = {"sform_code": "x", "cal_max": "high", "intent_code": "1e99"}
+    write(tmp_path / "c.nii", Grid(samples(), metadata=odd))
+    header = nibabel.load(tmp_path / "c.nii").header
+    assert (header["sform_code"], header["cal_max"], header["intent_code"]) == (2, 0, 0)
+
+
 def test_a_nifti_without_place_has_only_steps(tmp_path):
     image = nibabel.Nifti1Image(samples("i2").T, None)
     image.header.set_zooms((0.5, 1.5, 2.0))
@@ -216,6 +258,41 @@ def test_an_axis_of_vectors_is_chosen_from(tmp_path):
     grid = read(tmp_path / "grid.nrrd", "velocity=2")
     np.testing.assert_array_equal(grid.values, samples("f4", (4, 5, 6, 3))[..., 2])
     np.testing.assert_allclose(grid.affine[:3], [[2, 0, 0, 3], [0, 1.5, 0, 2], [0, 0, 0.5, 1]])
+
+
+def nrrd_file(sizes, encoding, **fields):
+    header = {"type": "short", "dimension": 3, "sizes": sizes, "endian": "big", **fields}
+    lines = [f"{name.replace('_', ' ')}: {value}" for name, value in header.items()]
+    return "\n".join(["NRRD0004", *lines, f"encoding: {encoding}", "", ""]).encode()
+
+
+@pytest.mark.parametrize(("encoding", "pack"), [("gzip", gzip.compress), ("bz2", bz2.compress)])
+def test_compressed_samples_within_and_beside_the_header(tmp_path, encoding, pack):
+    data = pack(b"skipped" + samples(">i2").tobytes())
+    head = nrrd_file("6 5 4", encoding, byte_skip=7)
+    (tmp_path / "a.nrrd").write_bytes(head + data)
+    np.testing.assert_array_equal(read(tmp_path / "a.nrrd").values, samples("i2"))
+    (tmp_path / "data").write_bytes(b"a line\n" + data)
+    head = nrrd_file("6 5 4", encoding, byteskip=7, line_skip=1, data_file="data")
+    (tmp_path / "a.nhdr").write_bytes(head)
+    np.testing.assert_array_equal(read(tmp_path / "a.nhdr").values, samples("i2"))
+
+
+def test_no_more_is_inflated_than_the_header_promises(tmp_path):
+    bomb = gzip.compress(bytes(2**28), 1)
+    (tmp_path / "a.nrrd").write_bytes(nrrd_file("4 4 4", "gzip") + bomb)
+    tracemalloc.start()
+    with pytest.raises(InputError, match="promises 128 bytes of samples, but holds more"):
+        read(tmp_path / "a.nrrd")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 2**24
+    (tmp_path / "a.nrrd").write_bytes(nrrd_file("4 4 4", "gzip") + gzip.compress(bytes(7)))
+    with pytest.raises(InputError, match="but holds only 7 bytes"):
+        read(tmp_path / "a.nrrd")
+    (tmp_path / "a.nrrd").write_bytes(nrrd_file("4 4 4", "gzip", byte_skip=-1) + bomb)
+    with pytest.raises(InputError, match="skips 0 lines and -1 bytes of compressed"):
+        read(tmp_path / "a.nrrd")
 
 
 # ---- MetaImage ---------------------------------------------------------------------------------
@@ -322,6 +399,23 @@ def test_truncated_legacy_data_are_refused(tmp_path):
     whole = (tmp_path / "a.vtk").read_bytes()
     (tmp_path / "a.vtk").write_bytes(whole[:-50])
     with pytest.raises(InputError, match="is damaged or no image data"):
+        read(tmp_path / "a.vtk")
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        ("3000 3000 300", r"is truncated: its header promises 2700000000 samples, \d+ bytes are"),
+        ("100000 100000 100000", r"an array of shape .* needs .* this machine has"),
+    ],
+)
+def test_the_size_in_a_legacy_header_is_checked_first(tmp_path, monkeypatch, size, said):
+    monkeypatch.setattr("contourfair_jax.io._limits.physical_memory", lambda: 2**40)
+    write(tmp_path / "a.vtk", Grid(samples()))
+    whole = (tmp_path / "a.vtk").read_bytes()
+    larger = whole.replace(b"DIMENSIONS 6 5 4", b"dimensions " + size.encode())
+    (tmp_path / "a.vtk").write_bytes(larger)
+    with pytest.raises(InputError, match=said):
         read(tmp_path / "a.vtk")
 
 

@@ -2,8 +2,8 @@
 
 Every format is a row in `FORMATS` and a small module behind `read` and `write`.  NumPy and Pillow
 suffice for arrays, images, cube files and CCP4 maps; the extras ``geotiff``, ``netcdf``, ``zarr``,
-``medical`` and ``vtk`` bring the packages for the others, whose files are read in a process of
-their own.
+``medical`` and ``vtk`` bring the packages for the others, whose files, and TIFF, are read in a
+process of their own.
 """
 
 from ._atomic import replacing as replacing

@@ -15,22 +15,37 @@ _ZARR = ("zarr.json", ".zgroup", ".zarray")
 
 def check_target(path: str | os.PathLike[str]) -> Path:
     """The file that `path` names, links followed; refuses what cannot become a file."""
-    target = Path(os.path.realpath(path))
+    target = _target(path)
     if target.is_dir():
         raise InputError(f"{path}: is a folder; name a file in it")
     if target.exists() and not target.is_file():
         raise InputError(f"{path}: is not a regular file, so it cannot be replaced")
-    return _check_parent(path, target)
+    check_parent(path)
+    return target
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
     """The folder that `path` names, links followed; one that is there must be a Zarr folder."""
-    target = Path(os.path.realpath(path))
+    target = _target(path)
     if target.exists() and not target.is_dir():
         raise InputError(f"{path}: is a file, so there can be no folder of this name")
     if target.exists() and not any((target / name).is_file() for name in _ZARR):
         raise InputError(f"{path}: is a folder of something else, so it is not replaced")
-    return _check_parent(path, target)
+    check_parent(path)
+    return target
+
+
+def check_pair(path: str | os.PathLike[str], suffix: str) -> Path:
+    """As `check_target`, of a header with a file of samples beside it, whose name has `suffix`.
+
+    A file of that name which is there without a header is somebody's data.
+    """
+    target = check_target(path)
+    beside = target.with_suffix(suffix)
+    if beside.exists() and not target.exists():
+        raise InputError(f"{path}: {beside.name} is there without it, so it is not replaced")
+    check_target(beside)
+    return target
 
 
 @contextlib.contextmanager
@@ -77,9 +92,48 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _check_parent(path: str | os.PathLike[str], target: Path) -> Path:
-    if not target.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {target.parent}; make it first")
+@contextlib.contextmanager
+def replacing_pair(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
+    """The same for a header with a file of samples beside it, whose name has `suffix`.
+
+    Both are written under their own names, in a folder.  The old header goes first and the new one
+    comes last, so that no header is ever seen beside the samples of another.
+    """
+    target = check_pair(path, suffix)
+    partial = _beside(target)
+    with in_one_line(path):
+        partial.mkdir()
+    try:
+        with in_one_line(path):
+            header = partial / target.name
+            yield header
+            pair = (header.with_suffix(suffix), header)
+            for each in pair:
+                if (target.parent / each.name).exists():
+                    shutil.copymode(target.parent / each.name, each)
+                flush(each)
+            target.unlink(missing_ok=True)
+            for each in pair:
+                os.replace(each, target.parent / each.name)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def check_parent(path: str | os.PathLike[str]) -> None:
+    """Refuse a file whose folder is not there, or may not be written to."""
+    parent = Path(os.path.realpath(path)).parent
+    shown = parent if os.path.islink(path) else Path(path).parent
+    if not parent.is_dir():
+        raise InputError(f"{path}: there is no folder {shown}; make it first")
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: the folder {shown} may not be written to; choose another")
+
+
+def _target(path: str | os.PathLike[str]) -> Path:
+    """What `path` names; refuses names that the system does, such as too long ones."""
+    target = Path(os.path.realpath(path))
+    with in_one_line(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
+        os.stat(target)
     return target
 
 

@@ -29,6 +29,10 @@ _OWN = frozenset(
         "cell_measures, ancillary_variables, formula_terms",
     )
 )
+# What begins the names of attributes of the whole data set; the writer has its own conventions.
+_GLOBAL, _CONVENTIONS = "global:", "Conventions"
+# So many variables are named in a note.
+_LISTED = 12
 _AXIS_TEXTS = frozenset(("units", "axis", "standard_name", "long_name", "positive", "calendar"))
 
 
@@ -85,7 +89,7 @@ def _described(
         nodata=None if packed else nodata,
         missing=missing,
         metadata=_metadata(data, array) | mapping,
-        notes=notes + more,
+        notes=notes + more + _left_out(data, array),
         source_dtype=source if source.kind in "iuf" else dtype,
     )
 
@@ -107,6 +111,7 @@ def dataset_from_grid(grid: Grid) -> xr.Dataset:
     name = texts.pop("name", "data").replace("/", "_")
     mapping = texts.pop("grid_mapping", None)
     title = texts.pop("title", None)
+    whole = _prefixed(texts, _GLOBAL)
     along = {axis: _prefixed(texts, f"{axis}:") for axis in grid.axes}
     if grid.units:
         texts["units"] = grid.units
@@ -123,8 +128,8 @@ def dataset_from_grid(grid: Grid) -> xr.Dataset:
         data["crs"] = ((), np.int32(0), described)
         data[name].encoding["grid_mapping"] = "crs"
     if title is not None:
-        data.attrs["title"] = title
-    data.attrs["Conventions"] = "CF-1.8"
+        whole["title"] = title
+    data.attrs = {**whole, _CONVENTIONS: "CF-1.8"}
     return data
 
 
@@ -200,13 +205,33 @@ def _metadata(data: xr.Dataset, array: xr.DataArray) -> dict[str, str]:
         if dim in array.coords:
             attributes = array.coords[dim].attrs.items()
             found |= {f"{dim}:{k}": _text(v) for k, v in attributes if k in _AXIS_TEXTS}
-    for name, coordinate in array.coords.items():
-        if coordinate.ndim == 0 and coordinate.dtype.kind in "iuf" and _is_place(coordinate):
-            units = coordinate.attrs.get("units", "")
-            found[f"at_{name}"] = f"{coordinate.item():.12g} {units}".strip()
-    if "title" in data.attrs:
-        found["title"] = _text(data.attrs["title"])
+    for name in _places(array):
+        units = array.coords[name].attrs.get("units", "")
+        found[f"at_{name}"] = f"{array.coords[name].item():.12g} {units}".strip()
+    for name, value in data.attrs.items():
+        if name != _CONVENTIONS:
+            found[name if name == "title" else f"{_GLOBAL}{name}"] = _text(value)
     return found
+
+
+def _places(array: xr.DataArray) -> list[str]:
+    """The coordinates that are one number, such as the time of a map."""
+    return [
+        str(name)
+        for name, each in array.coords.items()
+        if each.ndim == 0 and each.dtype.kind in "iuf" and _is_place(each)
+    ]
+
+
+def _left_out(data: xr.Dataset, array: xr.DataArray) -> tuple[str, ...]:
+    """A note that names the variables of which a grid keeps nothing."""
+    mapping = array.encoding.get("grid_mapping", array.attrs.get("grid_mapping"))
+    kept = {array.name, mapping, *map(str, array.dims), *_places(array)}
+    names = [str(name) for name in data.variables if name not in kept]
+    if not names:
+        return ()
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return (f"variables that are left out: {', '.join(names[:_LISTED])}{more}",)
 
 
 def _is_place(coordinate: xr.DataArray) -> bool:

@@ -20,7 +20,7 @@ class Outside:
     extra
         The extra of this package that brings them.
     packages
-        The names under which they are imported.
+        The names under which those are imported that no file of the format can do without.
     """
 
     extra: str
@@ -54,6 +54,8 @@ class Format:
         such packages cannot be trusted with damaged files.
     folder
         Whether the format is a folder, not a file.
+    beside
+        Suffix of the file of samples that the writer leaves beside a header; ``""`` for none.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Format:
     writer: str = "write"
     outside: Outside | None = None
     folder: bool = False
+    beside: str = ""
 
     def read(self, path: Path, key: str | None) -> Grid:
         """Read `path` with this format's reader."""
@@ -83,17 +86,21 @@ class Format:
 
 _NETCDF = Outside("netcdf", ("xarray", "h5netcdf", "h5py", "netCDF4", "scipy"))
 _ZARR = Outside("zarr", ("zarr", "xarray"))
+# Plain images need Pillow only; `_tiff` looks for rasterio where a file calls for it.  Reading
+# either kind runs libtiff, which is no safer with damaged files than the other libraries.
+_TIFF = Outside("geotiff", ())
 _RASTERIO = Outside("geotiff", ("rasterio",))
 _VTK = Outside("vtk", ("vtkmodules",))
 _NIBABEL, _NRRD, _ITK, _PYDICOM = (
     Outside("medical", (package,)) for package in ("nibabel", "nrrd", "SimpleITK", "pydicom")
 )
+_HEADER = "write_header"
 
 FORMATS = (
     Format("NumPy array", (".npy",), "_npy"),
     Format("NumPy archive", (".npz",), "_npz"),
     Format("PNG image", (".png",), "_image", writer="write_png"),
-    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff"),
+    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff", outside=_TIFF),
     Format("Gaussian cube", (".cube", ".cub"), "_cube", writer=""),
     Format("CCP4 or MRC map", (".ccp4", ".mrc", ".map"), "_ccp4", writer=""),
     Format("USGS DEM", (".dem",), "_geotiff", "read_usgs_dem", "", _RASTERIO),
@@ -102,9 +109,9 @@ FORMATS = (
     Format("Zarr", (".zarr",), "_zarr", outside=_ZARR, folder=True),
     Format("NIfTI", (".nii", ".nii.gz"), "_nifti", outside=_NIBABEL),
     Format("NRRD", (".nrrd",), "_nrrd", outside=_NRRD),
-    Format("NRRD header", (".nhdr",), "_nrrd", writer="", outside=_NRRD),
+    Format("NRRD header", (".nhdr",), "_nrrd", "read", _HEADER, _NRRD, beside=".raw"),
     Format("MetaImage", (".mha",), "_metaimage", outside=_ITK),
-    Format("MetaImage header", (".mhd",), "_metaimage", writer="", outside=_ITK),
+    Format("MetaImage header", (".mhd",), "_metaimage", "read", _HEADER, _ITK, beside=".raw"),
     Format("DICOM", (".dcm",), "_dicom", writer="", outside=_PYDICOM),
     Format("VTK image data", (".vti",), "_vtk", outside=_VTK),
     Format("legacy VTK", (".vtk",), "_vtk", "read_legacy", "write_legacy", _VTK),

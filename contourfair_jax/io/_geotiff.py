@@ -23,10 +23,12 @@ from ._limits import check_memory
 from ._missing import mark_missing, numeric, restore_nodata
 
 _TILE_FROM = 1024
+# So many bands are named in messages.
+_LISTED = 12
 
 
 def read(path: Path, key: str | None) -> Grid:
-    """One band, the first unless `key` is the number of another."""
+    """One band, the first unless `key` is the number or the name of another."""
     return _read(path, key, "GTiff")
 
 
@@ -141,13 +143,14 @@ def corner_transform(affine: np.ndarray) -> Affine:
 def _band(
     count: int, names: tuple[str | None, ...], key: str | None
 ) -> tuple[int, tuple[str, ...]]:
+    listed = [f"{k} {name or ''}".strip() for k, name in enumerate(names, 1)]
+    known = ", ".join(listed[:_LISTED] + [f"... {count}"] * (count > _LISTED))
     if key is None:
-        note = f"band 1 of {count} is used; choose another by its number"
+        note = f"band 1 of {count} is read, the others are left out; choose with a key of {known}"
         return 1, (note,) if count > 1 else ()
     if key in names:
         return names.index(key) + 1, ()
     if not key.isdecimal() or not 1 <= int(key) <= count:
-        known = ", ".join(f"{k} {name or ''}".strip() for k, name in enumerate(names, 1))
         raise InputError(f"has no band {key!r}; it has {known}")
     return int(key), ()
 

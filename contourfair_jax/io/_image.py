@@ -46,7 +46,7 @@ def write_png(path: Path, grid: Grid) -> tuple[str, ...]:
     else:
         raise InputError("a 16-bit PNG cannot mark missing samples; use .tif or .npz")
     image.save(path, format="PNG")
-    return notes + lost_geometry(grid, "a PNG")
+    return notes + _lost_geometry(grid, "a PNG", ".tif and .npz")
 
 
 def write_tiff(path: Path, grid: Grid) -> tuple[str, ...]:
@@ -69,14 +69,14 @@ def write_tiff(path: Path, grid: Grid) -> tuple[str, ...]:
         save_all=True,
         append_images=pages[1:],
     )
-    return lost_geometry(grid, "a plain TIFF")
+    return _lost_geometry(grid, "a TIFF of several pages", ".nc and .npz")
 
 
-def lost_geometry(grid: Grid, what: str) -> tuple[str, ...]:
+def _lost_geometry(grid: Grid, what: str, better: str) -> tuple[str, ...]:
     """A note where the grid has coordinates that the format cannot keep."""
     if grid.affine is None and grid.crs is None:
         return ()
-    return (f"{what} keeps no coordinates: they are left out (.tif and .npz keep them)",)
+    return (f"{what} keeps no coordinates: they are left out ({better} keep them)",)
 
 
 @contextmanager

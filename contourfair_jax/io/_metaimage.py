@@ -52,6 +52,15 @@ def read(path: Path, key: str | None) -> Grid:
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
     """Store one compressed file; units, CRS and nodata become text in its header."""
+    return _write(path, grid, compressed=True)
+
+
+def write_header(path: Path, grid: Grid) -> tuple[str, ...]:
+    """The same as a header with a ``.raw`` file of the plain samples beside it."""
+    return _write(path, grid, compressed=False)
+
+
+def _write(path: Path, grid: Grid, compressed: bool) -> tuple[str, ...]:
     stored, nodata = to_store(grid)
     volume, affine, notes = to_xyz(grid, stored)
     affine = in_space(affine, grid, LPS)
@@ -67,7 +76,7 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     writer = sitk.ImageFileWriter()
     writer.SetImageIO(_IMAGE)
     writer.SetFileName(os.fspath(path))
-    writer.UseCompressionOn()
+    writer.SetUseCompression(compressed)
     writer.Execute(image)
     return notes
 

@@ -1,17 +1,22 @@
 """NRRD with pynrrd: space directions, units and text; a header may name a data file beside it."""
 
+import bz2
+import contextlib
+import gzip
+import io
+import math
 import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import nrrd
 import numpy as np
 
 from ._errors import InputError
 from ._grid import Grid
-from ._limits import check_memory
+from ._limits import check_memory, describe_bytes
 from ._volume import SPATIAL, canonical_space, select, to_store, to_xyz, volume_grid, zyx
 
 # Kinds of axes along which space or the domain extends.
@@ -29,13 +34,24 @@ _DECODED = frozenset(
     )
 )
 
+_COMPRESSED = {
+    "gzip": gzip.open,
+    "gz": gzip.open,
+    "bzip2": bz2.open,
+    "bz2": bz2.open,
+}
+_PIECE = 2**20
+
 
 def read(path: Path, key: str | None) -> Grid:
     """A volume or an image; of further axes, such as time, the sample that `key` numbers."""
     with open(path, "rb") as stream:
         header = nrrd.read_header(stream)
         sizes = _check(header, path)
-        values = nrrd.read_data(header, stream, os.fspath(path), index_order="C")
+        if header.get("encoding") in _COMPRESSED:
+            values = _inflated(header, sizes, stream, path)
+        else:
+            values = nrrd.read_data(header, stream, os.fspath(path), index_order="C")
     axes = _axes(header, len(sizes))
     index = select(key, axes, values.shape)
     spatial = [k for k, axis in enumerate(axes) if axis in SPATIAL]
@@ -60,6 +76,15 @@ def read(path: Path, key: str | None) -> Grid:
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
     """Store one compressed file; the nodata value and the CRS become text in its header."""
+    return _write(path, grid, "gzip")
+
+
+def write_header(path: Path, grid: Grid) -> tuple[str, ...]:
+    """The same as a header with a ``.raw`` file of the plain samples beside it."""
+    return _write(path, grid, "raw")
+
+
+def _write(path: Path, grid: Grid, encoding: str) -> tuple[str, ...]:
     stored, nodata = to_store(grid)
     volume, affine, notes = to_xyz(grid, stored)
     space = grid.metadata.get("space", "")
@@ -69,13 +94,13 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
         "space directions": affine[:3, :3].T,
         "space origin": affine[:3, 3],
         "kinds": ["domain"] * 3,
-        "encoding": "gzip",
+        "encoding": encoding,
     }
     if "space units" in grid.metadata:
         header["space units"] = [grid.metadata["space units"]] * 3
     texts = {"sample units": grid.units, "crs": grid.crs, "nodata": nodata}
     header |= {name: str(text) for name, text in texts.items() if text not in (None, "")}
-    nrrd.write(os.fspath(path), volume, header, detached_header=False, index_order="F")
+    nrrd.write(os.fspath(path), volume, header, index_order="F")  # two files for ``.nhdr``
     return notes
 
 
@@ -85,10 +110,47 @@ def _check(header: Mapping[str, Any], path: Path) -> list[int]:
     if not sizes or min(sizes) < 1:
         raise InputError(f"has a damaged header (sizes {sizes})")
     check_memory(int(np.prod([8, *sizes], dtype=object)), f"an array of sizes {sizes}")
-    beside = header.get("data file", header.get("datafile"))
+    beside = _field(header, "data file")
     if beside is not None and not (path.parent / beside).is_file():
         raise InputError(f"names the data file {beside!r}, which is not there; keep both together")
     return sizes
+
+
+def _inflated(
+    header: Mapping[str, Any], sizes: list[int], stream: IO[bytes], path: Path
+) -> np.ndarray:
+    """Compressed samples, slowest axis first.
+
+    The library would inflate all that is there, which a small file can make any amount of.
+    """
+    plain = {"type": header["type"], "encoding": "raw", "dimension": 1, "sizes": np.array([1])}
+    plain |= {"endian": header["endian"]} if "endian" in header else {}
+    dtype = nrrd.read_data(plain, io.BytesIO(bytes(16))).dtype
+    promised = dtype.itemsize * math.prod(sizes)
+    lines, skipped = (int(_field(header, name) or 0) for name in ("line skip", "byte skip"))
+    if min(lines, skipped) < 0:
+        raise InputError(f"skips {lines} lines and {skipped} bytes of compressed samples")
+    beside = _field(header, "data file")
+    with contextlib.ExitStack() as opened:
+        if beside is not None:
+            stream = opened.enter_context(open(path.parent / beside, "rb"))
+        for _ in range(lines):
+            stream.readline()
+        inflating = opened.enter_context(_COMPRESSED[header["encoding"]](stream))
+        inflating.seek(skipped)
+        data = bytearray()
+        # One byte more, to see that there is none.
+        while piece := inflating.read(min(promised + 1 - len(data), _PIECE)):
+            data += piece
+    if len(data) != promised:
+        more = "more" if len(data) > promised else f"only {describe_bytes(len(data))}"
+        raise InputError(f"promises {describe_bytes(promised)} of samples, but holds {more}")
+    return np.frombuffer(data, dtype).reshape(sizes[::-1])
+
+
+def _field(header: Mapping[str, Any], name: str) -> Any:
+    """A field whose name may be written without its space; None where it is not there."""
+    return header.get(name, header.get(name.replace(" ", "")))
 
 
 def _axes(header: Mapping[str, Any], ndim: int) -> tuple[str, ...]:

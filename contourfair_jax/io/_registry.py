@@ -1,13 +1,24 @@
 """`read` and `write` choose a format by the suffix of the file's name."""
 
+import contextlib
 import os
 import tempfile
 from pathlib import Path
 
-from ._atomic import check_folder, check_target, replacing, replacing_folder
+from ._atomic import (
+    check_folder,
+    check_pair,
+    check_target,
+    replacing,
+    replacing_folder,
+    replacing_pair,
+)
 from ._errors import InputError, one_line
 from ._formats import FORMATS, NAMELESS_FOLDER, Format
 from ._grid import Grid
+
+# Endings of compressed files and archives.
+_PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".tar", ".tgz")
 
 
 def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
@@ -18,7 +29,8 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
     path
         The file; its suffix says the format.
     key
-        Which array, where a file holds several: a name in a ``.npz``, a band of a GeoTIFF.
+        Which array, and which part of it: ``name``, ``name,time=3,level=0:5`` with numbers of
+        samples, ``t=0`` alone, the number or the name of a band, the number of a DICOM series.
 
     Raises
     ------
@@ -27,7 +39,7 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
     """
     chosen = _format(path, "reader")
     source = Path(path)
-    if not source.exists():
+    if not os.path.exists(source):  # false for names that the system refuses, too
         raise InputError(f"{path}: there is no such file")
     if source.is_dir() != chosen.folder:
         found, wanted = ("file", "folder") if chosen.folder else ("folder", "file")
@@ -59,7 +71,7 @@ def write(path: str | os.PathLike[str], grid: Grid) -> tuple[str, ...]:
         The format cannot hold the grid, or the file cannot be written.
     """
     chosen = _format(path, "writer")
-    with (replacing_folder if chosen.folder else replacing)(path) as partial:
+    with _replacing(chosen, path) as partial:
         try:
             return chosen.write(partial, grid)
         except InputError as error:
@@ -67,13 +79,16 @@ def write(path: str | os.PathLike[str], grid: Grid) -> tuple[str, ...]:
 
 
 def check_writable(path: str | os.PathLike[str], like: Grid | None = None) -> None:
-    """Raise now what `write` would raise about the file's name and folder.
+    """Raise now what `write` would raise about the file's name, folder and permissions.
 
     With `like`, also what it would raise about a grid of that kind: its corner is written to a
     temporary folder, so that a long computation does not end in a format that cannot hold it.
     """
     chosen = _format(path, "writer")
-    (check_folder if chosen.folder else check_target)(path)
+    if chosen.beside:
+        check_pair(path, chosen.beside)
+    else:
+        (check_folder if chosen.folder else check_target)(path)
     if like is None:
         return
     corner = like.crop([(0, min(2, n)) for n in like.shape])
@@ -82,6 +97,14 @@ def check_writable(path: str | os.PathLike[str], like: Grid | None = None) -> No
             chosen.write(Path(folder) / f"probe{chosen.suffixes[0]}", corner)
         except InputError as error:
             raise type(error)(f"{path}: {error}") from error
+
+
+def _replacing(
+    chosen: Format, path: str | os.PathLike[str]
+) -> contextlib.AbstractContextManager[Path]:
+    if chosen.beside:
+        return replacing_pair(path, chosen.beside)
+    return (replacing_folder if chosen.folder else replacing)(path)
 
 
 def _format(path: str | os.PathLike[str], wanted: str) -> Format:
@@ -95,6 +118,8 @@ def _format(path: str | os.PathLike[str], wanted: str) -> Format:
     ]
     if not fitting and wanted == "reader" and os.path.isdir(path):
         return NAMELESS_FOLDER
+    if not fitting and wanted == "reader" and name.endswith(_PACKED):
+        raise InputError(f"{path}: is compressed as a whole; unpack it and read what is in it")
     if not fitting:
         known = ", ".join(suffix for each in usable for suffix in each.suffixes)
         verb = "read" if wanted == "reader" else "written"

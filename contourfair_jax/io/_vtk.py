@@ -21,7 +21,7 @@ from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLImageDataWriter
 from ._errors import InputError
 from ._grid import Grid
 from ._key import parse_key
-from ._limits import check_memory
+from ._limits import check_memory, describe_bytes
 from ._volume import SPATIAL, not_kept, select, to_store, to_xyz, volume_grid, zyx
 
 _COMPONENT = "component"
@@ -39,6 +39,9 @@ _LEGACY_TYPES = {
     "float32": "float",
     "float64": "double",
 }
+# Where the size stands in a legacy file; the first bytes are looked through for it.
+_DIMENSIONS = re.compile(rb"^\s*DIMENSIONS\s+(\d{1,18})\s+(\d{1,18})\s+(\d{1,18})\s", re.I | re.M)
+_HEAD = 2**16
 _TEXTS = ("units", "crs", "nodata", "metadata")
 
 
@@ -57,12 +60,30 @@ def read(path: Path, key: str | None) -> Grid:
 
 def read_legacy(path: Path, key: str | None) -> Grid:
     """A point or cell array of a ``.vtk`` with structured points."""
+    _check_size(path)
     reader = vtkDataSetReader()
     reader.SetFileName(os.fspath(path))
     reader.ReadAllScalarsOn()
     reader.ReadAllVectorsOn()
     reader.ReadAllFieldsOn()
     return _grid(_run(reader), key)
+
+
+def _check_size(path: Path) -> None:
+    """Refuse a legacy header that promises what the machine or the file cannot hold."""
+    with open(path, "rb") as stream:
+        found = _DIMENSIONS.search(stream.read(_HEAD))
+        present = os.fstat(stream.fileno()).st_size
+    if not found:
+        return  # VTK says what is wrong
+    shape = [int(n) for n in found.groups()]
+    check_memory(8 * math.prod(shape), f"an array of shape {shape}")
+    # A sample takes a bit at least, and there are fewer cells than points.
+    if math.prod(max(n - 1, 1) for n in shape) > 8 * present:
+        raise InputError(
+            f"is truncated: its header promises {math.prod(shape)} samples, "
+            f"{describe_bytes(present)} are there"
+        )
 
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:

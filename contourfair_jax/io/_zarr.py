@@ -26,6 +26,9 @@ from ._missing import check_dtype
 # Chunks have at most so many samples along each axis.
 _CHUNK = {2: 1024, 3: 128}
 
+# What the library says of a group that is opened as an array: of version 3, and of version 2.
+_NO_ARRAY = (ContainsGroupError, NodeTypeValidationError, FileNotFoundError)
+
 # Codecs that turn bytes into numbers and nothing else: others can run code (numcodecs' pickle).
 _CODECS = frozenset(
     re.split(
@@ -41,7 +44,7 @@ def read(path: Path, key: str | None) -> Grid:
     """A variable of a group, or the array."""
     try:
         array = zarr.open_array(path, mode="r")
-    except (ContainsGroupError, NodeTypeValidationError):
+    except _NO_ARRAY:
         return _read_group(path, key)
     return _read_array(array, key)
 
@@ -60,7 +63,7 @@ def read_outline(path: Path, key: str | None) -> tuple[Grid, Any]:
     """A grid without its samples, and an array of these that reads what is sliced."""
     try:
         array = zarr.open_array(path, mode="r")
-    except (ContainsGroupError, NodeTypeValidationError):
+    except _NO_ARRAY:
         data = _open_group(path)
         chosen = choose_array(data, key)
         return outline_from_dataset(data, chosen), chosen

@@ -1,4 +1,7 @@
-"""Peak memory of one fairing above its inputs and outputs, each in a process of its own."""
+"""Peak memory of fairing, and of gradients through it, above inputs and outputs.
+
+Each case runs in a process of its own.
+"""
 
 import json
 import resource
@@ -10,12 +13,17 @@ from benchmarks import engine, report
 from benchmarks.report import Result, Track
 
 X64 = False
+FAIRING, GRADIENT = "fairing", "gradient"
 CASES = (
-    (engine.LOCAL, (1024, 1024)),
-    (engine.LOCAL, (4096, 4096)),
-    (engine.LOCAL, (64, 64, 64)),
-    (engine.GLOBAL, (1024, 1024)),
-    (engine.GLOBAL, (64, 64, 64)),
+    (engine.LOCAL, FAIRING, (1024, 1024)),
+    (engine.LOCAL, FAIRING, (4096, 4096)),
+    (engine.LOCAL, FAIRING, (64, 64, 64)),
+    (engine.GLOBAL, FAIRING, (1024, 1024)),
+    (engine.GLOBAL, FAIRING, (64, 64, 64)),
+    (engine.LOCAL, GRADIENT, (512, 512)),
+    (engine.LOCAL, GRADIENT, (48, 48, 48)),
+    (engine.GLOBAL, GRADIENT, (512, 512)),
+    (engine.GLOBAL, GRADIENT, (48, 48, 48)),
 )
 LIMIT_GIB = 2.0
 
@@ -24,29 +32,37 @@ def _peak() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def child(name: str, shape: tuple[int, ...]) -> Result:
-    """Run one case in this process: peak after a small fairing and after the case."""
+def child(name: str, what: str, shape: tuple[int, ...]) -> Result:
+    """Run one case in this process: peak after a small one and after the case."""
+    import jax
     import jax.numpy as jnp
 
     import contourfair_jax as cf
     from benchmarks.cost import waves
 
     method = engine.OBJECTS[name]()
-    # The libraries and the compiler are paid for by a fairing of the smallest size.
-    cf.fair_field(jnp.zeros((5,) * len(shape)), method=method).control_points.block_until_ready()
+
+    @jax.jit
+    def fair(values: jax.Array) -> jax.Array:
+        return cf.fair_field(values, method=method).control_points
+
+    gradient = jax.jit(jax.grad(lambda values: jnp.sum(fair(values) ** 2)))
+    work = fair if what == FAIRING else gradient
+    # The libraries and the compiler are paid for by the smallest size.
+    work(jnp.zeros((5,) * len(shape))).block_until_ready()
     before = _peak()
     values = jnp.asarray(waves(shape))
     given = _peak()
     start = time.perf_counter()
-    net = cf.fair_field(values, method=method).control_points.block_until_ready()
+    result = work(values).block_until_ready()
     seconds = time.perf_counter() - start
     peak = _peak()
     return {
-        "inputs_outputs_bytes": int(values.nbytes + net.nbytes),
+        "inputs_outputs_bytes": int(values.nbytes + result.nbytes),
         "baseline_bytes": before,
         "peak_before_bytes": given,
         "peak_bytes": peak,
-        "above_bytes": max(0, peak - before - int(values.nbytes + net.nbytes)),
+        "above_bytes": max(0, peak - before - int(values.nbytes + result.nbytes)),
         "first_call_s": seconds,
     }
 
@@ -54,13 +70,12 @@ def child(name: str, shape: tuple[int, ...]) -> Result:
 def run(track: Track = report.silent) -> Result:
     """All cases of the methods that the engine has."""
     rows = []
-    for name, shape in track([c for c in CASES if c[0] in engine.OBJECTS], "memory"):
-        command = [sys.executable, "-m", "benchmarks.memory", name, *map(str, shape)]
+    for name, what, shape in track(list(CASES), "memory"):
+        command = [sys.executable, "-m", "benchmarks.memory", name, what, *map(str, shape)]
         call = subprocess.run(command, capture_output=True, text=True, check=False)
-        if call.returncode:
-            rows.append({"method": name, "shape": list(shape), "failed": call.stderr[-300:]})
-        else:
-            rows.append({"method": name, "shape": list(shape), **json.loads(call.stdout)})
+        failed = {"failed": call.stderr[-300:]}
+        found = failed if call.returncode else json.loads(call.stdout)
+        rows.append({"method": name, "what": what, "shape": list(shape), **found})
     return {"limit_gib": LIMIT_GIB, "rows": rows}
 
 
@@ -69,6 +84,7 @@ def tables(result: Result) -> dict[str, str]:
     rows = [
         [
             r["method"],
+            r["what"],
             report.size(r["shape"]),
             f"{r['inputs_outputs_bytes'] / 2**20:.0f}",
             f"{r['above_bytes'] / 2**20:.0f}",
@@ -77,9 +93,16 @@ def tables(result: Result) -> dict[str, str]:
         for r in result["rows"]
         if "above_bytes" in r
     ]
-    header = ["method", "samples", "in and out, MiB", "above them, MiB", "s, compiling included"]
+    header = [
+        "method",
+        "what",
+        "samples",
+        "in and out, MiB",
+        "above them, MiB",
+        "s, compiling included",
+    ]
     return {"memory": report.table(header, rows)}
 
 
 if __name__ == "__main__":
-    print(json.dumps(child(sys.argv[1], tuple(map(int, sys.argv[2:])))))
+    print(json.dumps(child(*sys.argv[1:3], tuple(map(int, sys.argv[3:])))))

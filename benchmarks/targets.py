@@ -202,6 +202,7 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
         lambda: [reverse((128, 128) if short else (512, 512), local_method, "local")],
         lambda: [reverse((128, 128) if short else (512, 512), global_method, "global")],
         lambda: [reverse((16,) * 3 if short else (48,) * 3, global_method, "global")],
+        lambda: [reverse((8,) * 3 if short else (48,) * 3, local_method, "local")],
         lambda: [compilation(s, local_method, "local") for s in (many, volume)],
         lambda: [compilation(s, global_method, "global") for s in (many, volume)],
         lambda: [start_up()],

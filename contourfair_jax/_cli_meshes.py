@@ -88,6 +88,7 @@ def isosurface(
         triangles=len(mesh.triangles),
         watertight=mesh.watertight,
         unmet=mesh.unmet,
+        unproved=mesh.unproved,
         area=mesh.area,
         volume=mesh.volume,
     )

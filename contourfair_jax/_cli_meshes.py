@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -24,9 +24,6 @@ from ._options import (
 from ._run import Settings, check_fairable, fair, precision
 from ._steps import check_suffix, load
 from .io import InputError
-
-if TYPE_CHECKING:
-    pass
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
@@ -80,6 +77,8 @@ def isosurface(
         with say.working(f"drawing {plot}"):
             save_figure(surface_figure(mesh, f"{source.name}: {level:g}"), plot)
     whole = "watertight" if mesh.watertight else "with a border"
+    if not len(mesh.triangles):
+        whole = "empty"
     say.done(
         target,
         f"{len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles, {whole}",

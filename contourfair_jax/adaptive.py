@@ -138,13 +138,34 @@ def adaptive(field: BezierField, tolerance: float) -> AdaptiveField:
         chosen = [found > tolerance for found in errors]
         if not any(mask.any() for mask in chosen):
             break
-        if len(chosen) > MOST_DEPTH and chosen[MOST_DEPTH].any():
-            raise ValueError(
-                f"tolerance {tolerance:g} needs cells halved more than {MOST_DEPTH} times; "
-                "use a larger one"
-            )
+        _check_reach(errors, tolerance, tree.ndim)
         tree = balance(split(tree, chosen))
     return _assembled(field, tree, corners, max((e.max(initial=0.0) for e in errors), default=0.0))
+
+
+def _check_reach(errors: list[np.ndarray], tolerance: float, ndim: int) -> None:
+    """Refuse a tolerance that needs too many halvings or leaves, as soon as that is to be seen.
+
+    Halving takes errors down to a quarter; at first to less, where the field is far from quadratic.
+    From the second pass on, the leaves to come are estimated from a quarter of the errors: those
+    that there are stand for the largest in their leaf, not for the mean.
+    """
+    finest, count = 0, 0.0
+    for depth, found in enumerate(errors):
+        share = found / tolerance
+        if (share > 1).any():
+            finest = depth + 1
+        if len(errors) > 1:
+            share = np.maximum(0.25 * share, 1.0)
+            count += float((share ** (ndim / 2)).sum())
+            finest = max(finest, depth + int(np.ceil(0.5 * np.log2(share.max(initial=1.0)))))
+    if finest > MOST_DEPTH:
+        raise ValueError(
+            f"tolerance {tolerance:g} needs cells halved more than {MOST_DEPTH} times; "
+            "use a larger one"
+        )
+    what = f"tolerance {tolerance:g}, with about {count:.0f} leaves,"
+    check_memory(int(_BYTES_PER_LEAF * count), what)
 
 
 def uniform_error(field: BezierField, depth: int) -> float:

@@ -89,23 +89,23 @@ assert errors["fair"] < errors["linear"]
 # %% [markdown]
 # ## A head
 #
-# MR of a whole head, samples 4 mm apart. Linear interpolation terraces the forehead; what is noise in
-# the samples, around the face, stays noise in both.
+# MR of a whole head, samples 4 mm apart. Linear interpolation terraces the forehead; what is noise
+# in the samples, around the face, stays noise in both.
 
 # %%
 head = DATA["head"].astype(float)
 fields = both_fields(head, 4.0)
-figures.show(panels(fields, [40.0], (10, -50), skin, 0.1), "volumes_head.png")
+figures.show(panels(fields, [40.0], (10, -50), skin, 0.3), "volumes_head.png")
 jumps = {name: metrics.c1_jump(field) for name, field in fields.items()}
 assert jumps["fair"] < 1e-6 * jumps["linear"]
 
 # %% [markdown]
 # ## A nucleon
 #
-# A simulated density of 41 samples along each axis, near its largest values, from every second sample;
-# and, beside it, from all samples. The shell is thinner there than the steps of the grid, and linear
-# interpolation tears it. The data do not come along, as their licence is not stated: they are drawn
-# where the folder `CONTOURFAIR_DATA` has them as `nucleon.npz`.
+# A simulated density of 41 samples along each axis, near its largest values, from every second
+# sample; and, beside it, from all samples. The shell is thinner there than the steps of the grid,
+# and linear interpolation tears it. The data do not come along, as their licence is not stated;
+# they are drawn where the folder `CONTOURFAIR_DATA` has them as `nucleon.npz`.
 
 # %%
 nucleon = figures.real_data("nucleon.npz")

@@ -50,6 +50,7 @@ def isosurface(
     Vertices lie on the fair field; the mesh is closed but at the border and at missing samples.
     """
     from ._to_vtk import MESH_SUFFIXES, write_mesh
+    from .isosurface import isosurface as trace
     from .plot import save_figure
 
     say = Reporter(quiet, as_json)
@@ -62,8 +63,8 @@ def isosurface(
     with precision(single), say.working(f"fairing {size} samples"):
         field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
     try:
-        with precision(single), say.working("tracing the surface"):
-            mesh = field.isosurface(level, tolerance)
+        with precision(single), say.working("tracing the surface") as move:
+            mesh = trace(field, level, tolerance, move)
     except ValueError as error:
         raise InputError(str(error)) from error
     for note in mesh.notes:
@@ -117,6 +118,7 @@ def adaptive(
     """
     from ._plot_leaves import leaf_figure
     from ._to_vtk import write_leaves
+    from .adaptive import adaptive as refine
     from .plot import save_figure
 
     say = Reporter(quiet, as_json)
@@ -129,8 +131,8 @@ def adaptive(
     with precision(single), say.working(f"fairing {size} samples"):
         field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
     try:
-        with precision(single), say.working("refining"):
-            found = field.adaptive(tolerance)
+        with precision(single), say.working("refining") as move:
+            found = refine(field, tolerance, move)
     except ValueError as error:
         raise InputError(str(error)) from error
     with say.working(f"writing {target}"):

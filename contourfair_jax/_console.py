@@ -64,10 +64,13 @@ class Reporter:
         print(json.dumps(_plain({**facts, "notes": self._notes}), allow_nan=False))
 
     @contextmanager
-    def working(self, text: str) -> Iterator[None]:
-        """Show a bar with the time passed, once the work takes more than a second."""
+    def working(self, text: str) -> Iterator[Callable[[int, int], None]]:
+        """Show a bar with the time passed, once the work takes more than a second.
+
+        The function ``(done, all)`` that it gives fills the bar, which otherwise only moves.
+        """
         if self.quiet:
-            yield
+            yield lambda done, total: None
             return
         progress = Progress(
             SpinnerColumn(),
@@ -77,12 +80,12 @@ class Reporter:
             console=self._console,
             transient=True,
         )
-        progress.add_task(text, total=None)
+        task = progress.add_task(text, total=None)
         timer = threading.Timer(_PATIENCE, self._show, (progress, text))
         timer.daemon = True
         timer.start()
         try:
-            yield
+            yield lambda done, total: progress.update(task, completed=done, total=total)
         finally:
             timer.cancel()
             timer.join()

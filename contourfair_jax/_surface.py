@@ -9,6 +9,7 @@ the points of the lattice are looked for with bounds, and have finer lattices of
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,9 @@ class _Part:
     triangles: np.ndarray
 
 
-def surface_of(field: HostField, level: float, rounding: float) -> tuple[Surface, int]:
+def surface_of(
+    field: HostField, level: float, rounding: float, progress: Callable[[int, int], None]
+) -> tuple[Surface, int]:
     """The mesh of the lattice, on the field; triangles turn left around the gradient.
 
     Parameters
@@ -56,6 +59,8 @@ def surface_of(field: HostField, level: float, rounding: float) -> tuple[Surface
     level : float
     rounding : float
         Error of values: cells that miss the level by no more are sampled too.
+    progress : callable
+        Told how many blocks of cells are done, and how many there are.
 
     Returns
     -------
@@ -67,7 +72,9 @@ def surface_of(field: HostField, level: float, rounding: float) -> tuple[Surface
     active = field.valid & (low <= level + rounding) & (high > level - rounding)
     mixed = np.zeros([FACTOR * n for n in field.cells], bool)
     parts, total = [], 0
-    for start in np.unique(np.argwhere(active) // _BLOCK, axis=0) * _BLOCK:
+    starts = np.unique(np.argwhere(active) // _BLOCK, axis=0) * _BLOCK
+    for done, start in enumerate(starts):
+        progress(done, len(starts))
         window = tuple(slice(k, k + _BLOCK) for k in start)
         inside = _inside(field, active, window, level)
         cubes = _crossed(inside) & _repeated(field.valid[window])

@@ -10,10 +10,12 @@ As for contours, the level is raised by `5e-10` of the range of the samples and 
 largest sample, so that a plateau counts as below its own level.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from ._display import untold
 from ._field import BezierField
 from ._host import HostField
 from ._split import edges_of, split
@@ -96,7 +98,12 @@ class Isosurface:
         )
 
 
-def isosurface(field: BezierField, level: float, tolerance: float = 0.01) -> Isosurface:
+def isosurface(
+    field: BezierField,
+    level: float,
+    tolerance: float = 0.01,
+    progress: Callable[[int, int], None] = untold,
+) -> Isosurface:
     """The surface of a 3-D field where it has one value.
 
     Parameters
@@ -105,6 +112,8 @@ def isosurface(field: BezierField, level: float, tolerance: float = 0.01) -> Iso
     level : float
     tolerance : float
         Triangles stay within about this distance of the true surface, in cells.
+    progress : callable
+        Called as ``progress(done, all)``: the first half are blocks of cells, the second edges.
 
     Returns
     -------
@@ -150,8 +159,17 @@ def isosurface(field: BezierField, level: float, tolerance: float = 0.01) -> Iso
     host = HostField(net.astype(np.float64))
     finite = np.abs(host.net[np.isfinite(host.net)])
     rounding = 32 * float(np.finfo(np.float64).eps) * float(finite.max(initial=0.0))
-    surface, unproved = surface_of(host, traced, rounding)
-    surface, unmet = split(host, surface, traced, tolerance, rounding)
+    surface, unproved = surface_of(
+        host, traced, rounding, lambda done, total: progress(done, 2 * total)
+    )
+    surface, unmet = split(
+        host,
+        surface,
+        traced,
+        tolerance,
+        rounding,
+        lambda done, total: progress(total + done, 2 * total),
+    )
     spacing, origin = (np.asarray(x, dtype=np.float64) for x in (field.spacing, field.origin))
     normals, mean, gaussian = _shape(host, surface.vertices, spacing)
     vertices = surface.vertices * spacing + origin

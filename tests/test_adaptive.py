@@ -184,6 +184,13 @@ def test_no_tree_is_refused_that_fits(monkeypatch):
         assert 0.05 * needed < estimates[3] <= max(estimates) <= needed
 
 
+def test_progress_is_told():
+    told = []
+    grid = adaptive(bump(2), 1e-3, lambda done, total: told.append((done, total)))
+    assert all(0 <= done <= total <= len(grid) for done, total in told)
+    assert len(told) > 2
+
+
 def test_bad_points():
     with pytest.raises(ValueError, match="points must have shape"):
         catmull_rom(np.eye(4)).adaptive(0.5)(np.zeros((3, 3)))

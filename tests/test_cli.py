@@ -588,7 +588,8 @@ def test_a_terminal_gets_a_bar_that_goes_away(capsys, monkeypatch):
     monkeypatch.setattr("contourfair_jax._console._PATIENCE", 0.05)
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
-    with Reporter().working("long work"):
+    with Reporter().working("long work") as move:
+        move(1, 2)
         time.sleep(0.5)
     shown = capsys.readouterr().err
     assert "long work" in shown

@@ -11,6 +11,7 @@ import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._field import BezierField
 from contourfair_jax._split import edges_of
+from contourfair_jax.isosurface import isosurface
 
 N = 12
 
@@ -196,6 +197,14 @@ def test_surface_ends_at_cells_without_values():
     first, last = np.moveaxis((mesh.vertices[edges.ends[edges.faces == 1]] + 1) * 5.5, 1, 0)
     on_plane = (np.abs(first - np.rint(first)) < 1e-9) & (np.abs(first - last) < 1e-9)
     assert on_plane.any(1).all()
+
+
+def test_progress_is_told():
+    told = []
+    isosurface(ball(), 0.36, 0.01, lambda done, total: told.append(done / total))
+    assert told[0] == 0
+    assert told == sorted(told)
+    assert 0.9 < told[-1] <= 1
 
 
 @pytest.mark.parametrize("level", [-5.0, 9.0])

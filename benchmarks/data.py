@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from contourfair_jax.io import read
+
 BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
 FOLDER = Path(os.environ.get("CONTOURFAIR_DATA", BESIDE))
 Array = NDArray[np.float64]
@@ -61,6 +63,19 @@ def _raw(shape: tuple[int, ...], spacing: tuple[float, ...]) -> Callable:
     return read
 
 
+def _file(middle: int | None = None) -> Callable:
+    """Read as the package does; of a large volume a cube of `middle` samples around its middle."""
+
+    def read_file(path: Path) -> tuple[NDArray, NDArray | None, Array]:
+        grid = read(path)
+        values, missing = grid.values, grid.missing
+        half = max(values.shape) if middle is None else middle // 2
+        part = tuple(slice(max(n // 2 - half, 0), n // 2 + half) for n in values.shape)
+        return values[part], None if missing is None else ~missing[part], np.array(grid.spacing)
+
+    return read_file
+
+
 PLANE: dict[str, tuple[str, Callable]] = {
     "Jacksboro terrain": ("jacksboro_fault_dem.npz", _pick()),
     "Maunga Whau terrain": ("volcano.npz", _pick()),
@@ -96,6 +111,17 @@ VOLUME: dict[str, tuple[str, Callable]] = {
 }
 
 
+# Those that only surfaces are made of: labels, a ball of two values, and more heads.
+SURFACE = VOLUME | {
+    "iron protein": ("ironProt.vtk", _file()),
+    "CT head": ("headsq_quarter.nrrd", _file()),
+    "facies, part": ("channels.vti", _file(40)),
+    "binary ball": ("BallBinary30x30x30_gz.nrrd", _file()),
+    "T1 brain, part": ("avg152T1_RL_nifti.nii.gz", _file(48)),
+    "T1 anatomy": ("anatomical.nii", _file()),
+}
+
+
 def largest_rectangle(valid: NDArray[np.bool_]) -> tuple[slice, slice]:
     """Largest all-true rectangle of a 2-D mask, one scan over histograms of column heights."""
     heights = np.zeros(valid.shape[1] + 1, dtype=int)
@@ -115,7 +141,7 @@ def largest_rectangle(valid: NDArray[np.bool_]) -> tuple[slice, slice]:
 
 
 def load(names: dict[str, tuple[str, Callable]], name: str) -> RealField | None:
-    """Read one field of `PLANE` or `VOLUME`; None where its file is missing."""
+    """Read one field of `PLANE`, `VOLUME` or `SURFACE`; None where its file is missing."""
     file, read = names[name]
     path = FOLDER / file
     if not path.exists():

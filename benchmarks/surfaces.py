@@ -13,6 +13,8 @@ from contourfair_jax._split import edges_of
 X64 = True
 TOLERANCE = 0.1
 SHARES = (0.25, 0.5)
+# One volume at the default tolerance too.
+FINE, FINE_TOLERANCE = "nucleon", 0.01
 
 
 def _open_edges(mesh: "cf.Isosurface", upper: np.ndarray) -> int:
@@ -24,7 +26,7 @@ def _open_edges(mesh: "cf.Isosurface", upper: np.ndarray) -> int:
     return int(np.count_nonzero(~in_face.any(-1)))
 
 
-def score(field: RealField) -> list[Result]:
+def score(field: RealField, tolerance: float) -> list[Result]:
     """One row per level: shares of the range of the samples."""
     fair = engine.field(field.values, field.spacing, engine.DEFAULT)
     upper = (np.array(field.values.shape) - 1) * np.array(field.spacing)
@@ -32,17 +34,19 @@ def score(field: RealField) -> list[Result]:
     for share in SHARES:
         start = time.perf_counter()
         mesh = fair.isosurface(
-            float(field.values.min() + share * np.ptp(field.values)), tolerance=TOLERANCE
+            float(field.values.min() + share * np.ptp(field.values)), tolerance=tolerance
         )
         rows.append(
             {
                 "volume": field.name,
                 "shape": list(field.values.shape),
                 "share": share,
+                "tolerance": tolerance,
                 "triangles": len(mesh.triangles),
                 "euler": mesh.euler_characteristic,
                 "open": _open_edges(mesh, upper),
                 "unmet": mesh.unmet,
+                "unproved": mesh.unproved,
                 "seconds": time.perf_counter() - start,
             }
         )
@@ -51,23 +55,29 @@ def score(field: RealField) -> list[Result]:
 
 def run(track: Track = report.silent) -> Result:
     """Score all volumes that there are."""
-    fields = [data.load(data.VOLUME, name) for name in data.VOLUME]
-    rows = [row for field in track(fields, "isosurfaces") if field for row in score(field)]
-    return {"tolerance": TOLERANCE, "rows": rows}
+    cases = [*((name, TOLERANCE) for name in data.SURFACE), (FINE, FINE_TOLERANCE)]
+    rows = []
+    for name, tolerance in track(cases, "isosurfaces"):
+        field = data.load(data.SURFACE, name)
+        rows += [] if field is None else score(field, tolerance)
+    return {"rows": rows}
 
 
 def tables(result: Result) -> dict[str, str]:
     """One row per volume and level."""
-    header = ["volume", "samples", "level", "triangles", "Euler", "open edges", "unmet edges", "s"]
+    header = ["volume", "samples", "level", "tolerance", "triangles", "Euler", "open edges"]
+    header += ["unmet edges", "unproved cells", "s"]
     rows = [
         [
             row["volume"],
             report.size(row["shape"]),
             f"{100 * row['share']:.0f} %",
+            f"{row['tolerance']:g}",
             row["triangles"],
             row["euler"],
             row["open"],
             row["unmet"],
+            row.get("unproved", "–"),
             f"{row['seconds']:.1f}",
         ]
         for row in result["rows"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -24,9 +24,6 @@ from ._options import (
 from ._run import Settings, check_fairable, fair, precision
 from ._steps import check_suffix, load
 from .io import InputError
-
-if TYPE_CHECKING:
-    pass
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
@@ -53,6 +50,7 @@ def isosurface(
     Vertices lie on the fair field; the mesh is closed but at the border and at missing samples.
     """
     from ._to_vtk import MESH_SUFFIXES, write_mesh
+    from .isosurface import isosurface as trace
     from .plot import save_figure
 
     say = Reporter(quiet, as_json)
@@ -65,8 +63,8 @@ def isosurface(
     with precision(single), say.working(f"fairing {size} samples"):
         field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
     try:
-        with precision(single), say.working("tracing the surface"):
-            mesh = field.isosurface(level, tolerance)
+        with precision(single), say.working("tracing the surface") as move:
+            mesh = trace(field, level, tolerance, move)
     except ValueError as error:
         raise InputError(str(error)) from error
     for note in mesh.notes:
@@ -80,6 +78,8 @@ def isosurface(
         with say.working(f"drawing {plot}"):
             save_figure(surface_figure(mesh, f"{source.name}: {level:g}"), plot)
     whole = "watertight" if mesh.watertight else "with a border"
+    if not len(mesh.triangles):
+        whole = "empty"
     say.done(
         target,
         f"{len(mesh.vertices)} vertices, {len(mesh.triangles)} triangles, {whole}",
@@ -88,6 +88,7 @@ def isosurface(
         triangles=len(mesh.triangles),
         watertight=mesh.watertight,
         unmet=mesh.unmet,
+        unproved=mesh.unproved,
         area=mesh.area,
         volume=mesh.volume,
     )
@@ -117,6 +118,7 @@ def adaptive(
     """
     from ._plot_leaves import leaf_figure
     from ._to_vtk import write_leaves
+    from .adaptive import adaptive as refine
     from .plot import save_figure
 
     say = Reporter(quiet, as_json)
@@ -129,8 +131,8 @@ def adaptive(
     with precision(single), say.working(f"fairing {size} samples"):
         field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
     try:
-        with precision(single), say.working("refining"):
-            found = field.adaptive(tolerance)
+        with precision(single), say.working("refining") as move:
+            found = refine(field, tolerance, move)
     except ValueError as error:
         raise InputError(str(error)) from error
     with say.working(f"writing {target}"):

@@ -31,3 +31,7 @@ def shown(progress: bool) -> Iterator[None]:
             jax.effects_barrier()
         finally:
             _ACTIVE.remove(status)
+
+
+def untold(done: int, total: int) -> None:
+    """Show nothing of what is done."""

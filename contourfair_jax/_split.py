@@ -5,6 +5,7 @@ The new vertex is the root of the field along the gradient in the middle of the 
 the edge away.  Edges whose halving would turn a triangle over are left as they are.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,15 +51,24 @@ def edges_of(triangles: np.ndarray) -> Edges:
 
 
 def split(
-    field: HostField, surface: Surface, level: float, tolerance: float, rounding: float
+    field: HostField,
+    surface: Surface,
+    level: float,
+    tolerance: float,
+    rounding: float,
+    progress: Callable[[int, int], None],
 ) -> tuple[Surface, int]:
-    """The surface with chords within `tolerance`, in cells, and how many edges are not."""
+    """The surface with chords within `tolerance`, in cells, and how many edges are not.
+
+    `progress` is told how many edges need no halving, of how many.
+    """
     points, triangles = surface.vertices, surface.triangles
     normals = field.jet(points, 1)[1].T
     settled, unmet = np.zeros((0, 2), int), 0
     for _ in range(_ROUNDS):
         check_memory(_BYTES_PER_TRIANGLE * len(triangles), f"{len(triangles)} triangles")
         edges = edges_of(triangles)
+        progress(len(settled), len(edges.ends))
         open_ = np.flatnonzero(~_among(edges.ends, settled))
         middles, far = _middles(field, points, edges, open_, level, _SHARE * tolerance, rounding)
         place = np.full(len(edges.ends), -1)

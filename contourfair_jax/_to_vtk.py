@@ -149,7 +149,8 @@ def write_mesh(
 ) -> tuple[str, ...]:
     """Store a mesh in the format that the name ends in: .vtp, .ply, .stl or .obj.
 
-    Needs the extra ``vtk``.  Normals are kept by all but .stl, curvatures by .vtp only.
+    Needs the extra ``vtk``.  Normals are kept by all but .stl, curvatures by .vtp only.  A mesh
+    without triangles is a valid file in every format.
 
     Parameters
     ----------
@@ -167,18 +168,22 @@ def write_mesh(
     Raises
     ------
     InputError
-        For another ending, a mesh without triangles, or a file that cannot be written.
+        For another ending, or a file that cannot be written.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _WRITERS:
         raise InputError(f"{path}: the name must end in {', '.join(_WRITERS)}")
-    if not len(mesh.triangles):
-        raise InputError(f"{path}: there is no surface at level {mesh.level:g}, nothing to write")
     module, name, single = _WRITERS[suffix]
     writer = getattr(_modules(module), name)()
     if hasattr(writer, "SetFileTypeToBinary"):
         writer.SetFileTypeToBinary()
-    _write(path, writer, triangle_mesh(mesh, grid))
+    data = triangle_mesh(mesh, grid)
+    if single:
+        # The writer of .ply leaves out float64 normals.
+        support = _modules("util.numpy_support")
+        normals = support.vtk_to_numpy(data.GetPointData().GetNormals()).astype(np.float32)
+        data.GetPointData().SetNormals(support.numpy_to_vtk(normals, deep=True))
+    _write(path, writer, data)
     return ("positions are rounded to 7 digits, as the format has float32",) if single else ()
 
 

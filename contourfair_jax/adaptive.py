@@ -7,6 +7,7 @@ middle of the larger one's edges and faces take its values, so that the whole is
 proof is for the values that result.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ._basis import bernstein
+from ._display import untold
 from ._field import BezierField
 from ._host import HostField
 from ._tree import MOST_DEPTH, Tree, balance, split, whole
@@ -98,7 +100,9 @@ class AdaptiveField:
         return leaf_grid(self, grid)
 
 
-def adaptive(field: BezierField, tolerance: float) -> AdaptiveField:
+def adaptive(
+    field: BezierField, tolerance: float, progress: Callable[[int, int], None] = untold
+) -> AdaptiveField:
     """The coarsest quadtree (octree) over the cells of a field that is proved to be near to it.
 
     Parameters
@@ -106,6 +110,8 @@ def adaptive(field: BezierField, tolerance: float) -> AdaptiveField:
     field : BezierField
     tolerance : float
         Largest difference from the field, in the units of its values.
+    progress : callable
+        Called as ``progress(done, all)`` with leaves that are final, and an estimate of all.
 
     Returns
     -------
@@ -138,13 +144,36 @@ def adaptive(field: BezierField, tolerance: float) -> AdaptiveField:
         chosen = [found > tolerance for found in errors]
         if not any(mask.any() for mask in chosen):
             break
-        if len(chosen) > MOST_DEPTH and chosen[MOST_DEPTH].any():
-            raise ValueError(
-                f"tolerance {tolerance:g} needs cells halved more than {MOST_DEPTH} times; "
-                "use a larger one"
-            )
+        expected = _check_reach(errors, tolerance, tree.ndim)
+        progress(sum(int((~mask).sum()) for mask in chosen), max(expected, len(tree)))
         tree = balance(split(tree, chosen))
     return _assembled(field, tree, corners, max((e.max(initial=0.0) for e in errors), default=0.0))
+
+
+def _check_reach(errors: list[np.ndarray], tolerance: float, ndim: int) -> int:
+    """About how many leaves there will be; refuses too many, or too many halvings, early.
+
+    Halving takes errors down to a quarter; at first to less, where the field is far from quadratic.
+    From the second pass on, the leaves to come are estimated from a quarter of the errors: those
+    that there are stand for the largest in their leaf, not for the mean.
+    """
+    finest, count = 0, 0.0
+    for depth, found in enumerate(errors):
+        share = found / tolerance
+        if (share > 1).any():
+            finest = depth + 1
+        if len(errors) > 1:
+            share = np.maximum(0.25 * share, 1.0)
+            count += float((share ** (ndim / 2)).sum())
+            finest = max(finest, depth + int(np.ceil(0.5 * np.log2(share.max(initial=1.0)))))
+    if finest > MOST_DEPTH:
+        raise ValueError(
+            f"tolerance {tolerance:g} needs cells halved more than {MOST_DEPTH} times; "
+            "use a larger one"
+        )
+    what = f"tolerance {tolerance:g}, with about {count:.0f} leaves,"
+    check_memory(int(_BYTES_PER_LEAF * count), what)
+    return int(count)
 
 
 def uniform_error(field: BezierField, depth: int) -> float:

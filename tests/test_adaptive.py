@@ -154,6 +154,43 @@ def test_a_tolerance_that_is_too_fine(monkeypatch):
         noise((3, 3)).adaptive(1e-9)
 
 
+@pytest.mark.parametrize(
+    ("tolerance", "memory", "message"),
+    [
+        (1e-12, 1 << 40, "halved more than 10 times; use a larger one"),
+        (1e-5, 1 << 25, "tolerance 1e-05, with about .* leaves, needs .* MiB"),
+    ],
+)
+def test_what_cannot_be_reached_is_refused_early(monkeypatch, tolerance, memory, message):
+    """The whole tree would have hundreds of thousands of leaves or more."""
+    passes = []
+    monkeypatch.setattr("contourfair_jax.io._limits.physical_memory", lambda: memory)
+    monkeypatch.setattr(
+        "contourfair_jax.adaptive.split", lambda *tree: passes.append(1) or split(*tree)
+    )
+    with pytest.raises(ValueError, match=message):
+        bump(2, 12).adaptive(tolerance)
+    assert len(passes) <= 1
+
+
+def test_no_tree_is_refused_that_fits(monkeypatch):
+    estimates = []
+    monkeypatch.setattr(
+        "contourfair_jax.adaptive.check_memory", lambda size, what: estimates.append(size)
+    )
+    for field, tolerance in ((bump(2), 1e-4), (noise((6, 7)), 1e-3), (bump(3, 5), 1e-2)):
+        estimates.clear()
+        needed = 1500 * len(field.adaptive(tolerance))
+        assert 0.05 * needed < estimates[3] <= max(estimates) <= needed
+
+
+def test_progress_is_told():
+    told = []
+    grid = adaptive(bump(2), 1e-3, lambda done, total: told.append((done, total)))
+    assert all(0 <= done <= total <= len(grid) for done, total in told)
+    assert len(told) > 2
+
+
 def test_bad_points():
     with pytest.raises(ValueError, match="points must have shape"):
         catmull_rom(np.eye(4)).adaptive(0.5)(np.zeros((3, 3)))

@@ -165,9 +165,9 @@ def test_real_field_scores():
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("name", [*data.PLANE, *data.VOLUME])
+@pytest.mark.parametrize("name", [*data.PLANE, *data.SURFACE])
 def test_real_fields_load(name):
-    field = data.load(data.PLANE | data.VOLUME, name)
+    field = data.load(data.PLANE | data.SURFACE, name)
     if field is None:
         pytest.skip("the folder of real data sets is missing")
     assert np.isfinite(field.values).all()

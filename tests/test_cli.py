@@ -323,7 +323,7 @@ def test_draw_surface_shades_by_the_angle_to_the_light():
     triangles = np.array([[0, 1, 2], [0, 2, 3]])
     upwards = np.tile([1.0, 0.0, 0.0], (4, 1))  # axis 0 is up
     flat = np.zeros(4)
-    mesh = Isosurface(0.5, corners, triangles, upwards, flat, flat, 0, ())
+    mesh = Isosurface(0.5, corners, triangles, upwards, flat, flat, 0, 0, ())
     colors = {}
     for elevation in (0.0, 89.0):
         ax = Figure().add_subplot(projection="3d")

@@ -11,6 +11,7 @@ import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._field import BezierField
 from contourfair_jax._split import edges_of
+from contourfair_jax.isosurface import isosurface
 
 N = 12
 
@@ -198,6 +199,14 @@ def test_surface_ends_at_cells_without_values():
     assert on_plane.any(1).all()
 
 
+def test_progress_is_told():
+    told = []
+    isosurface(ball(), 0.36, 0.01, lambda done, total: told.append(done / total))
+    assert told[0] == 0
+    assert told == sorted(told)
+    assert 0.9 < told[-1] <= 1
+
+
 @pytest.mark.parametrize("level", [-5.0, 9.0])
 def test_a_level_that_the_field_does_not_have(level):
     mesh = ball().isosurface(level)
@@ -208,6 +217,52 @@ def test_a_level_that_the_field_does_not_have(level):
     assert (mesh.area, mesh.volume, mesh.euler_characteristic) == (0.0, 0.0, 0)
     assert any("no surface" in note for note in mesh.notes)
     assert metrics.surface_metrics(mesh).components == 0
+
+
+def tiny_ball(centre=(0.1, 0.07, 0.13)):
+    """The squared distance from a place between the samples, a quarter of a unit apart."""
+    squared = sum((x - c) ** 2 for x, c in zip(axes(9), centre, strict=True))
+    return on_cube(squared, 9)
+
+
+@pytest.mark.parametrize(
+    ("field", "radius", "whole"),
+    [
+        (tiny_ball(), 0.05, 1),
+        (tiny_ball(), 0.01, 1),
+        (tiny_ball((0.1, 0.25, 0.13)), 0.05, 1),  # across the face of a cell
+        (tiny_ball((0.1, -1.0, 0.13)), 0.05, 0.5),  # at the border of the grid
+    ],
+)
+def test_parts_between_the_points_of_the_lattice(field, radius, whole):
+    mesh = field.isosurface(radius**2, 0.01)
+    assert (mesh.unproved, mesh.notes) == (0, ())
+    assert mesh.watertight == (whole == 1)
+    assert mesh.euler_characteristic == 2 * whole
+    assert mesh.area == pytest.approx(whole * 4 * np.pi * radius**2, rel=0.6)
+    assert_manifold(mesh, field)
+    upside_down = BezierField(-field.control_points, field.spacing, field.origin)
+    assert len(upside_down.isosurface(-(radius**2), 0.01).triangles) == len(mesh.triangles)
+
+
+def test_parts_too_small_for_the_finest_lattice_are_counted():
+    mesh = tiny_ball().isosurface(1e-6)
+    assert (len(mesh.triangles), mesh.unproved) == (0, 1)
+    assert any("no surface was found" in note for note in mesh.notes)
+    assert any("1 cells may hold small parts" in note for note in mesh.notes)
+    assert tiny_ball().isosurface(-1e-3).notes == ("the field has no surface at level -0.001",)
+
+
+def test_small_parts_among_large_ones(monkeypatch):
+    """They are apart from the others, balls or cut by the border, and leave these as they are."""
+    field = noise((12, 12, 12))
+    mesh = field.isosurface(-1.5, 0.1)
+    assert_manifold(mesh, field)
+    monkeypatch.setattr("contourfair_jax._surface.small_parts", lambda *_: ([], 0))
+    large = field.isosurface(-1.5, 0.1)
+    more = metrics.surface_metrics(mesh).components - metrics.surface_metrics(large).components
+    assert more > 0
+    assert more <= mesh.euler_characteristic - large.euler_characteristic <= 2 * more
 
 
 def test_a_constant_field_and_one_without_values():
@@ -244,6 +299,20 @@ def test_faired_samples_have_isosurfaces():
     assert "triangles" in repr(mesh)
 
 
+@pytest.mark.parametrize("method", [cf.LocalFairing(), cf.GlobalFairing()], ids=["local", "global"])
+@pytest.mark.parametrize("kind", ["noise", "steps"])
+def test_surfaces_of_faired_samples_are_manifold(method, kind):
+    samples = np.random.default_rng(4).normal(size=(6, 6, 6))
+    if kind == "steps":  # Values as labels have them, levels at samples included.
+        samples = np.rint(samples)
+    field = cf.fair_field(samples, method=method)
+    for level in (-1.0, 0.0, 0.3):
+        mesh = field.isosurface(level, 0.1)
+        assert_manifold(mesh, field)
+        value = dense(field, mesh.vertices)[0]
+        assert np.abs(value - level).max() <= 1e-8 * np.ptp(samples)
+
+
 @pytest.mark.parametrize(
     ("level", "tolerance", "message"),
     [
@@ -266,8 +335,8 @@ def test_two_dimensions_are_refused():
         catmull_rom(np.eye(4)).isosurface(0.5)
 
 
-def volumes(folder):
-    """Every 3-D array among the real data, cropped around its middle."""
+def volumes(folder, half=10):
+    """Every 3-D array among the real data, cropped to twice `half` around its middle."""
     for record in json.loads((folder / "manifest.json").read_text()):
         path = folder / f"{record['id']}.npz"
         if path.exists():
@@ -275,7 +344,7 @@ def volumes(folder):
                 values = archive["data"].astype(float)
                 valid = archive["valid"] if "valid" in archive else np.isfinite(values)
             if values.ndim == 3 and min(values.shape) >= 3:
-                part = tuple(slice(max(n // 2 - 10, 0), n // 2 + 10) for n in values.shape)
+                part = tuple(slice(max(n // 2 - half, 0), n // 2 + half) for n in values.shape)
                 yield record["id"], np.where(valid, values, np.nan)[part]
 
 
@@ -297,3 +366,18 @@ def test_isosurfaces_of_real_volumes_are_watertight(shared_data):
             assert np.nanmax(np.abs(value - level), initial=0) <= 1e-9 * np.ptp(present), name
             seen += len(mesh.triangles) > 0
     assert seen >= 20
+
+
+@pytest.mark.data
+def test_isosurfaces_of_faired_real_volumes_are_watertight(shared_data):
+    seen = 0
+    for _, samples in volumes(shared_data, 4):
+        if not np.isfinite(samples).all() or min(samples.shape) < 8 or np.ptp(samples) == 0:
+            continue
+        field = cf.fair_field(samples)
+        middle = np.unique(samples)[len(np.unique(samples)) // 2]
+        for level in (samples.min() + 0.4 * np.ptp(samples), middle):
+            mesh = field.isosurface(level, 0.1)
+            assert_manifold(mesh, field)
+            seen += len(mesh.triangles) > 0
+    assert seen >= 16

@@ -46,3 +46,10 @@ def test_every_package_has_hashes_and_no_address():
     assert len(entries) >= len(locked())
     assert all("--hash=sha256:" in entry for entry in entries)
     assert not re.search(r"https?:|file:|--index|--find-links", LOCK)
+
+
+def test_the_extra_for_meshes_has_two_names():
+    content = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = content["project"]["optional-dependencies"]
+    assert extras["mesh"] == ["contourfair-jax[vtk]"]
+    assert any(line.startswith("vtk") for line in extras["vtk"])

@@ -87,6 +87,14 @@ def test_files_hold_the_mesh(suffix, ball, tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
 
 
+@pytest.mark.parametrize("suffix", [".vtp", ".ply", ".obj"])
+def test_files_keep_normals(suffix, ball, tmp_path, capfd):
+    export.write_mesh(tmp_path / f"mesh{suffix}", ball)
+    _, _, data = back(tmp_path / f"mesh{suffix}")
+    np.testing.assert_allclose(vtk_to_numpy(data.GetNormals()), ball.normals, atol=1e-5)
+    assert capfd.readouterr().err == ""
+
+
 def test_vtp_keeps_digits_normals_and_curvatures(ball, tmp_path):
     export.write_mesh(tmp_path / "mesh.vtp", ball)
     points, triangles, data = back(tmp_path / "mesh.vtp")
@@ -119,10 +127,15 @@ def test_bad_meshes_and_names(ball, tmp_path):
         export.write_mesh(tmp_path / "mesh.glb", ball)
     with pytest.raises(InputError, match="no folder"):
         export.write_mesh(tmp_path / "none" / "mesh.ply", ball)
-    empty = catmull_rom(np.zeros((4, 4, 4))).isosurface(1.0)
-    with pytest.raises(InputError, match="no surface at level 1"):
-        export.write_mesh(tmp_path / "mesh.ply", empty)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_a_mesh_without_triangles_is_a_file(suffix, tmp_path):
+    path = tmp_path / f"mesh{suffix}"
+    export.write_mesh(path, catmull_rom(np.zeros((4, 4, 4))).isosurface(1.0))
+    points, triangles, _ = back(path)
+    assert (len(points), len(triangles)) == (0, 0)
 
 
 # The command line ---------------------------------------------------------------------------
@@ -159,7 +172,6 @@ def test_isosurface_command(scan, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--level", "9", "-o", "mesh.vtp"), "no surface at level 9"),
         (("--level", "nan", "-o", "mesh.vtp"), "levels must be finite"),
         (("--level", "1", "-o", "mesh.xyz"), "must end in"),
         (("--level", "1", "-o", "mesh.vtp", "--plot", "mesh.pdf"), "must end in"),
@@ -173,6 +185,22 @@ def test_isosurface_command_refuses(scan, tmp_path, capsys, monkeypatch, argumen
     assert code == 2
     assert message in err.splitlines()[-1]
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", READERS)
+def test_isosurface_command_at_a_level_outside_the_range(suffix, scan, tmp_path, capsys):
+    target, picture = tmp_path / f"mesh{suffix}", tmp_path / "mesh.png"
+    options = ("--level", 99, "-o", target, "--plot", picture)
+    code, out, err = call(capsys, "isosurface", scan, *options)
+    assert code == 0
+    assert "0 triangles, empty" in out
+    assert "note: the field has no surface at level 99" in err
+    assert len(back(target)[1]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    code, out, _ = call(capsys, "isosurface", scan, *options, "--json")
+    found = json.loads(out)
+    assert (code, found["triangles"], found["unproved"]) == (0, 0, 0)
+    assert "the field has no surface at level 99" in found["notes"]
 
 
 def test_isosurface_command_refuses_images(tmp_path, capsys):

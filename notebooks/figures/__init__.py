@@ -4,11 +4,21 @@ import io
 import os
 from pathlib import Path
 
+import numpy as np
 import PIL.Image
 from IPython.display import Image, display
 from matplotlib.figure import Figure
 
 DATA = Path(__file__).resolve().parent.parent / "data"
+
+
+def real_data(name: str) -> dict[str, np.ndarray] | None:
+    """Arrays of a file in the folder CONTOURFAIR_DATA; None where there is none."""
+    path = Path(os.environ.get("CONTOURFAIR_DATA", "")) / name
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as archive:
+        return dict(archive)
 
 
 def show(figure: Figure, name: str, dpi: int = 80, colors: int = 128, crop: bool = False) -> None:

@@ -8,12 +8,14 @@ import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
+import jax
 import numpy as np
 
 from ._basis import bernstein, bernstein_derivative
 from ._bezier import derivatives
 from ._cells import extreme
 from ._field import BezierField
+from ._method import is_traced
 
 # Points evaluated in one go.
 _BATCH = 1 << 14
@@ -33,8 +35,8 @@ class HostField:
 
     @classmethod
     def of(cls, field: BezierField) -> "HostField":
-        """The net of a field, widened."""
-        return cls(np.asarray(field.control_points).astype(np.float64))
+        """The net of a field, widened; ValueError for one that is not known."""
+        return cls(known(field).control_points.astype(np.float64))
 
     @property
     def ndim(self) -> int:
@@ -110,6 +112,24 @@ class HostField:
             )
             for n in range(order + 1)
         ]
+
+
+def known(field: BezierField) -> BezierField:
+    """The field with NumPy arrays, also of one that is being differentiated.
+
+    Raises
+    ------
+    ValueError
+        Inside `jax.jit` and `jax.vmap`.
+    """
+    field = jax.lax.stop_gradient(field)
+    if is_traced(*jax.tree.leaves(field)):
+        raise ValueError(
+            "field must be known where contours, surfaces or grids are found in it, got one traced "
+            "by jax.jit or jax.vmap; find them outside, and follow them inside with "
+            "contourfair_jax.geometry"
+        )
+    return jax.tree.map(np.asarray, field)
 
 
 def lattice_values(fours: np.ndarray, factor: int) -> np.ndarray:

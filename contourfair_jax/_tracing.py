@@ -10,6 +10,7 @@ from ._arcs import Arcs, arcs, concatenate
 from ._cells import grid_cells
 from ._codes import Codes
 from ._field import BezierField
+from ._host import known
 from ._shift import Values
 from ._subdivide import leaves
 
@@ -51,15 +52,16 @@ def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     Raises
     ------
     ValueError
-        For a field that is not 2-D.
+        For a field that is not 2-D, or traced.
     """
+    field = known(field)
     if field.ndim != 2:
         raise ValueError(
             f"field must be 2-D to have contour lines, got {field.ndim}-D; "
             "take a slice of the samples, or the isosurface"
         )
     spacing, origin = (np.asarray(x, dtype=np.float64) for x in (field.spacing, field.origin))
-    return np.asarray(field.control_points), spacing, origin
+    return field.control_points, spacing, origin
 
 
 def check_levels(levels: Levels, infinite: bool = False) -> np.ndarray:

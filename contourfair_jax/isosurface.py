@@ -17,7 +17,7 @@ import numpy as np
 
 from ._display import untold
 from ._field import BezierField
-from ._host import HostField
+from ._host import HostField, known
 from ._shift import values_of
 from ._split import edges_of, split
 from ._surface import surface_of
@@ -155,7 +155,8 @@ def isosurface(
         raise ValueError(f"level must be one number, got shape {np.shape(level)}; call for each")
     chosen = check_levels(level)
     tolerance = check_tolerance(tolerance)
-    net = np.asarray(field.control_points)
+    field = known(field)
+    net = field.control_points
     traced = float(chosen[0]) + values_of(net).shift(16)
     host = HostField(net.astype(np.float64))
     finite = np.abs(host.net[np.isfinite(host.net)])

@@ -108,6 +108,23 @@ def test_length_of_lines_that_end_at_the_border(rng):
     assert float(slope) == pytest.approx((traced(1e-4) - traced(-1e-4)) / 2e-4, rel=1e-3)
 
 
+def test_contours_and_surfaces_of_differentiated_and_of_traced_fields(disk, ball):
+    """Found where the numbers are known; elsewhere it is said what to do."""
+    for field, find in (
+        (disk[0], lambda f: f.contours(LEVEL)[0].points),
+        (ball[0], lambda f: f.isosurface(LEVEL).vertices),
+        (disk[0], lambda f: f.adaptive(0.5).values),
+    ):
+
+        def total(net, field=field, find=find):
+            found = find(BezierField(net, field.spacing, field.origin))
+            return jnp.sum(jnp.asarray(found)) + jnp.sum(net)
+
+        np.testing.assert_array_equal(jax.grad(total)(field.control_points), 1)
+        with pytest.raises(ValueError, match="field must be known"):
+            jax.jit(total)(field.control_points)
+
+
 @pytest.mark.slow
 def test_second_derivatives(disk, rng):
     """The points follow the contour: their slopes change as those at the places that they reach."""

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._basis import bernstein
-from ._xla import materialise
 
 
 def cubic_bernstein(t: Float[Array, " *batch"], order: int) -> Float[Array, "*batch 4"]:
@@ -40,32 +39,6 @@ def gather_cells(
 def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
     """All partial derivatives of an order as sorted tuples of axes."""
     return list(itertools.combinations_with_replacement(range(ndim), order))
-
-
-def jet(
-    points: Float[Array, "*fours"], t: Float[Array, " ndim"], order: int
-) -> list[Float[Array, " derivatives"]]:
-    """Partial derivatives of one cell at local coordinates `t`, orders 0 to `order`.
-
-    All are contractions of the same net points, last axis first; derivatives are per unit of `t`.
-    """
-    ndim = points.ndim
-    parts: dict[tuple[int, ...], Array] = {(): points}
-    for axis in reversed(range(ndim)):
-        weights = [cubic_bernstein(t[axis], k) for k in range(order + 1)]
-        # Sums, not products of matrices: these are slow where they are many and small.
-        parts = {
-            (k, *counts): jnp.sum(part * weights[k].reshape((1,) * axis + (4,)), axis=-1)
-            for counts, part in parts.items()
-            for k in range(order + 1 - sum(counts))
-        }
-        parts = materialise(parts)
-    return [
-        jnp.stack(
-            [parts[tuple(axes.count(k) for k in range(ndim))] for axes in derivatives(n, ndim)]
-        )
-        for n in range(order + 1)
-    ]
 
 
 def is_flat(

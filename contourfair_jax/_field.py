@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import _check
-from ._bezier import cell_extreme, gather_cells, is_flat, jet, refine_axis
+from ._bezier import cell_extreme, is_flat, refine_axis
+from ._jets import jets
 from ._method import FitReport
 
 if TYPE_CHECKING:
@@ -274,13 +275,11 @@ class BezierField(eqx.Module):
             # Not `clip`, which passes on half of a derivative at the limits.
             grid = jnp.where(grid < 0, 0, jnp.where(grid > cells, cells, grid))
         cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
-        fours = gather_cells(self.control_points, cell.astype(jnp.int32))
-        local = jet
-        for _ in range(points.ndim - 1):
-            local = jax.vmap(local, in_axes=(0, 0, None))
-        results = local(fours, grid - cell, order)
+        flat = (x.reshape(-1, self.ndim) for x in (cell.astype(jnp.int32), grid - cell))
+        results = jets(self.control_points, *flat, order)
         scaled = []
         for n, values in enumerate(results):
+            values = values.reshape(*points.shape[:-1], -1)
             values = values * _inverse_lengths(self.spacing, n, values.shape)
             hidden = ~inside if outside == "nan" else nowhere
             scaled.append(jnp.where(hidden, jnp.nan, values))

@@ -14,6 +14,7 @@ import pytest
 
 import contourfair_jax as cf
 from contourfair_jax._fixed_point import fixed_point
+from contourfair_jax._working_set import working_set
 
 SLOW = pytest.mark.slow
 BOTH = pytest.mark.both_precisions
@@ -235,6 +236,25 @@ def test_points_outside_have_finite_derivatives(rng):
     assert bool(jnp.isfinite(in_net).all())
     assert bool(jnp.isfinite(in_points[0]).all())
     assert bool(jnp.isfinite(in_points[1]).all())
+
+
+@BOTH
+@pytest.mark.parametrize("ndim", [2, 3])
+def test_many_points_are_evaluated_in_batches(ndim, rng):
+    """As a few of them are, also in what is differentiated, which is not cut."""
+    net = jnp.asarray(rng.normal(size=[3 * n + 1 for n in (4, 3, 2)[:ndim]]))
+    field = cf.BezierField(net, jnp.ones(ndim), jnp.zeros(ndim))
+    count = working_set().batch_bytes // (4**ndim * field.dtype.itemsize) + 7
+    points = jnp.asarray(rng.uniform(0, 2, (count, ndim)), field.dtype)
+    some = points[:: count // 50]
+    tolerance = 100 * float(jnp.finfo(field.dtype).eps)
+    for many, few in zip(field.jet(points), field.jet(some), strict=True):
+        np.testing.assert_allclose(many[:: count // 50], few, rtol=0, atol=30 * tolerance)
+    slopes = jax.grad(lambda points: jnp.sum(field(points)))(points)
+    np.testing.assert_allclose(slopes, field.gradient(points), rtol=0, atol=10 * tolerance)
+    grid = field.spacing, field.origin
+    in_net = jax.grad(lambda net: jnp.sum(cf.BezierField(net, *grid)(points)))
+    assert float(jnp.sum(in_net(net))) == pytest.approx(count, rel=1e-4)
 
 
 def test_clamped_points_on_the_border_keep_their_slope(rng):

@@ -175,6 +175,9 @@ def fit_samples(
     Data that contradict each other, such as contour lines of two levels at the same place, are no
     error: the field goes between them, and `residuals` tells.
 
+    The search is a loop until convergence: the result has derivatives in the data in forward mode
+    (`jax.jvp`, `jax.jacfwd`), but not in reverse mode.
+
     Examples
     --------
     >>> import numpy as np

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import splines
 from helpers import matrix_products
+from scipy.interpolate import griddata
+from skimage.measure import find_contours
 
 import contourfair_jax as cf
 from contourfair_jax._boxes import interval_averages
@@ -26,6 +28,7 @@ from contourfair_jax.inverse import (
     Values,
     fit_samples,
 )
+from contourfair_jax.io import example
 
 BOTH = pytest.mark.both_precisions
 SLOW = pytest.mark.slow
@@ -339,6 +342,55 @@ def test_constant_data():
     found = fit(Values(points, np.full(60, 7.25)))
     assert bool(found.converged)
     np.testing.assert_allclose(found.samples, 7.25, rtol=1e-12)
+
+
+# Real terrain ----------------------------------------------------------------------------
+
+
+@SLOW
+def test_terrain_from_its_contours_and_from_scattered_points():
+    """Nearer to the truth than triangles between the same points."""
+    truth = example("jacksboro").crop([(164, 196), (180, 212)]).values.astype(float)
+    levels = np.arange(np.ceil(truth.min() / 20) * 20, truth.max(), 20) + 0.5
+    lines = [(level, line) for level in levels for line in find_contours(truth, level)]
+    rng = np.random.default_rng(5)
+    chosen = rng.choice(truth.size, truth.size // 10, replace=False)
+    places = np.stack(np.unravel_index(chosen, truth.shape), axis=-1).astype(float)
+    data = {
+        "contours": (
+            ContourLines(lines, sigma=0.3),
+            np.concatenate([line for _, line in lines]),
+            np.concatenate([np.full(len(line), level) for level, line in lines]),
+        ),
+        "points": (Values(places, truth.ravel()[chosen], 0.3), places, truth.ravel()[chosen]),
+    }
+    for name, (observed, points, values) in data.items():
+        found = fit_samples(observed, truth.shape, method=cf.LocalFairing(iterations=0))
+        assert bool(found.converged), name
+        flat = griddata(points, values, tuple(np.indices(truth.shape)), "linear")
+        inside = np.isfinite(flat)
+        errors = [np.sqrt(np.mean((z - truth)[inside] ** 2)) for z in (found.samples, flat)]
+        assert errors[0] < 0.85 * errors[1], (name, errors)
+
+
+@SLOW
+def test_a_volume_from_every_third_slice():
+    """Nearer to the truth than straight lines between the slices."""
+    x = np.linspace(-1, 1, 13)
+    truth = 1 / (1 + np.exp(8 * (np.sqrt(np.add.outer(np.add.outer(x**2, x**2), x**2)) - 0.6)))
+    kept = np.zeros(truth.shape, bool)
+    kept[::3] = True
+    found = fit_samples(
+        Values(np.argwhere(kept).astype(float), truth[kept], 0.01),
+        truth.shape,
+        method=cf.LocalFairing(iterations=0),
+    )
+    between = np.arange(13) / 3
+    below = np.minimum(between.astype(int), 3)
+    part = (between - below)[:, None, None]
+    flat = (1 - part) * truth[::3][below] + part * truth[::3][below + 1]
+    errors = [np.sqrt(np.mean((z - truth) ** 2)) for z in (found.samples, flat)]
+    assert errors[0] < 0.8 * errors[1], errors
 
 
 POINTS = np.array([[0.0, 3.0], [1.0, 4.0]])

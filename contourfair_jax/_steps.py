@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._apart import check_apart
 from ._console import Reporter
 from ._describe import missing_note
 from ._levels import choose_levels
@@ -13,8 +14,7 @@ from .io import Grid, InputError, read
 
 def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
     """Read the samples and tell what is to be known about them."""
-    if source.exists() and target.exists() and source.samefile(target):
-        raise InputError(f"{target}: is the input; write to another file")
+    check_apart(source, target)
     if not target.parent.is_dir():
         raise InputError(f"{target}: there is no folder {target.parent}; make it first")
     with say.working(f"reading {source}"):

@@ -14,6 +14,7 @@ import numpy as np
 from ._tiling import Slices
 from .io import Grid, InputError
 from .io._errors import one_line
+from .io._missing import check_dtype
 from .io._npy import read_header
 
 # Bytes of samples that are read at once where the order does not matter.
@@ -107,21 +108,30 @@ def source_of(given: Any) -> Source:
 
 
 def source_at(path: Path, key: str | None = None) -> Source:
+    """How to open a ``.npy`` file, or the array `key` of a Zarr folder.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is damaged, or it does not hold real numbers.
+    """
     if not path.exists():
         raise InputError(f"{path}: there is no such file")
     if path.is_dir():
         return ZarrMember(os.path.abspath(path), key)
-    if path.suffix != ".npy":
+    if path.suffix.lower() != ".npy":
         raise InputError(f"{path}: .npy files and .zarr folders are read in tiles")
+    if key is not None:
+        raise InputError(f"{path}: holds one array, so there is no {key!r} to choose")
     with open(path, "rb") as stream:
         try:
             shape, fortran, dtype = read_header(stream)
+            check_dtype(dtype)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
         offset = stream.tell()
-    promised = offset + math.prod(shape) * dtype.itemsize
-    if dtype.hasobject or promised > path.stat().st_size:
-        raise InputError(f"{path}: is truncated, or holds objects instead of numbers")
+    if offset + math.prod(shape) * dtype.itemsize > path.stat().st_size:
+        raise InputError(f"{path}: is truncated: its header promises more samples than are there")
     return MappedFile(os.path.abspath(path), offset, shape, dtype.str, "F" if fortran else "C")
 
 

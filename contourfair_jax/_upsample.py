@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._apart import check_apart
 from ._console import Reporter
 from ._run import (
     Settings,
@@ -156,8 +157,7 @@ def _opened(
     if source.suffix.lower() not in _PARTS or method == "tune":
         grid = load(source, key, target, say, fill)
         return grid, Held(grid.values)
-    if source.exists() and target.exists() and source.samefile(target):
-        raise InputError(f"{target}: is the input; write to another file")
+    check_apart(source, target)
     opened = source_at(source, key)
     if isinstance(opened, ZarrMember):
         grid = opened.outline()[0]

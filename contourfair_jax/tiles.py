@@ -11,10 +11,12 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ._apart import check_apart
 from ._method import AbstractFairing
 from ._tile_job import Outcome as Outcome
 from ._tile_job import plan_job, run_job
@@ -81,9 +83,10 @@ def refine_to(
     ValueError
         For an argument that cannot be used.
     contourfair_jax.io.InputError
-        The source cannot be read; the target cannot be written, the tiles that are done stay in
-        ``TARGET.partial``; an unfinished run is there and `resume` is not set, or it was one with
-        other settings or another input: the message names the difference.
+        The source cannot be read; the target is the source or lies in it; it cannot be written,
+        then the tiles that are done stay in ``TARGET.partial``; an unfinished run is there and
+        `resume` is not set, or it is damaged, or was one with other settings or another input: the
+        message names the difference.
 
     Examples
     --------
@@ -95,6 +98,8 @@ def refine_to(
     ...     np.load(f"{folder}/fine.npy").shape
     (157, 117)
     """
+    if isinstance(source, str | os.PathLike):
+        check_apart(Path(source), Path(target))
     state = Unfinished(target)
     job = plan_job(source, factor, method, spacing, dtype)
     job = replace(job, store=store_for(state.target, state.data, job.tiling, job.dtype))

@@ -3,6 +3,7 @@
 import os
 import random
 import resource
+import shutil
 import signal
 import socket
 import subprocess
@@ -90,9 +91,11 @@ def test_every_way_of_running_gives_the_same_bits(tmp_path, samples, whole):
     np.testing.assert_allclose(first, whole, rtol=0, atol=1e-13)
     np.testing.assert_array_equal(first[::2, ::2], samples)
     np.save(tmp_path / "c.npy", samples)
+    shutil.copy(tmp_path / "c.npy", tmp_path / "UPPER.NPY")
     np.save(tmp_path / "f.npy", np.asfortranarray(samples))
     sources = {
         "path.npy": tmp_path / "c.npy",
+        "upper.npy": tmp_path / "UPPER.NPY",
         "fortran.zarr": tmp_path / "f.npy",
         "map.npy": np.load(tmp_path / "c.npy", mmap_mode="r"),
         "part.npy": np.load(tmp_path / "c.npy", mmap_mode="r")[:, :],
@@ -332,6 +335,13 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
         (["in.npy", "-o", "out.png", "--resume"], "outputs in .zarr and .npy"),
         (["in.npy", "-o", "out.zarr", "--workers", "0"], "--workers must be 1 or more"),
         (["in.npy", "-o", "in.npy", "--resume"], "is the input"),
+        (["in.zarr", "-o", "in.zarr/out.zarr"], "lies in the input"),
+        (["in.npy", "-o", "out.zarr", "--key", "zz"], "there is no 'zz' to choose"),
+        (["complex.npy", "-o", "out.zarr"], "holds complex numbers"),
+        (["text.npy", "-o", "out.zarr"], "holds <U3 values"),
+        (["fields.npy", "-o", "out.zarr"], "real numbers are needed"),
+        (["days.npy", "-o", "out.zarr"], "holds timedelta64[D] values"),
+        (["complex.zarr", "-o", "out.zarr"], "holds complex numbers"),
         (["absent.zarr", "-o", "out.zarr"], "there is no such file"),
         (["bad.zarr", "-o", "out.zarr"], "cannot be read as Zarr"),
         (["row.npy", "-o", "out.zarr"], "fairing needs at least 3"),
@@ -343,6 +353,12 @@ def test_bad_calls_end_in_one_line(tmp_path, samples, monkeypatch, capsys, argum
     monkeypatch.chdir(tmp_path)
     np.save("in.npy", samples)
     np.save("row.npy", samples[:1])
+    np.save("complex.npy", samples + 1j)
+    np.save("text.npy", samples.astype("U3"))
+    np.save("fields.npy", np.zeros(samples.shape, [("a", "f4"), ("b", "i4")]))
+    np.save("days.npy", samples.astype("m8[D]"))
+    for name, values in {"in.zarr": samples, "complex.zarr": samples + 1j}.items():
+        zarr.create_array(name, data=values, chunks=(16, 16))
     Path("short.npy").write_bytes(Path("in.npy").read_bytes()[:500])
     Path("bad.zarr").mkdir()
     Path("bad.zarr/zarr.json").write_text("{")
@@ -350,7 +366,7 @@ def test_bad_calls_end_in_one_line(tmp_path, samples, monkeypatch, capsys, argum
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert said in lines[0]
-    assert not list(tmp_path.glob("out*"))
+    assert not list(tmp_path.rglob("out*"))
 
 
 def start(source, target, pause, cache):

@@ -121,20 +121,21 @@ def run_job(
             state.compare(settings)
         else:
             _begin(job, state, settings, prepare)
-        resumed = int(np.count_nonzero(state.states()))
+        tiles = len(job.tiling)
+        resumed = int(np.count_nonzero(state.states(tiles)))
         with _kept(state):
             _run_rest(_shared(job, state, workers), state, workers, progress)
-        failed = int(np.count_nonzero(state.states() == UNCONVERGED))
+        failed = int(np.count_nonzero(state.states(tiles) == UNCONVERGED))
         with in_one_line(state.target):
             state.finish()
     if failed:
         warnings.warn(
-            f"global fairing did not converge in {failed} of {len(job.tiling)} tiles; raise "
+            f"global fairing did not converge in {failed} of {tiles} tiles; raise "
             "max_steps or thin_plate_weight",
             UserWarning,
             stacklevel=3,
         )
-    return Outcome(job.tiling.fine_shape, len(job.tiling), resumed, failed)
+    return Outcome(job.tiling.fine_shape, tiles, resumed, failed)
 
 
 def settings_of(job: Job) -> dict[str, Any]:
@@ -190,7 +191,7 @@ def _run_rest(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """The tiles that are not done."""
-    states = state.states()
+    states = state.states(len(job.tiling))
     count, total = int(np.count_nonzero(states)), len(states)
     rest = np.flatnonzero(states == OPEN).tolist()
     if not rest:

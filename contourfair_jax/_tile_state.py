@@ -80,9 +80,13 @@ class Unfinished:
     def begin(self, settings: Mapping[str, Any], tiles: int) -> None:
         """Record what the run is of; call it when the empty output is there."""
         self._done.write_bytes(bytes(tiles))
+        flush(self._done)
         new = self._settings.with_suffix(".new")
         new.write_text(json.dumps({"note": _NOTE, **settings}, indent=1))
+        flush(new)
         os.replace(new, self._settings)
+        if os.name == "posix":  # elsewhere folders cannot be flushed
+            flush(self.folder)
 
     def clear(self) -> None:
         """Remove what a run left that was stopped before it began."""
@@ -92,9 +96,22 @@ class Unfinished:
             else:
                 each.unlink(missing_ok=True)
 
-    def states(self) -> np.ndarray:
-        """The state of every tile."""
-        return np.frombuffer(self._done.read_bytes(), np.uint8)
+    def states(self, tiles: int) -> np.ndarray:
+        """The state of every tile.
+
+        Raises
+        ------
+        InputError
+            The record is not one of so many tiles.
+        """
+        data = self._done.read_bytes() if self._done.exists() else b""
+        states = np.frombuffer(data, np.uint8)
+        if len(states) != tiles or (states > UNCONVERGED).any():
+            raise InputError(
+                f"{self._done}: is damaged, so it is not known which tiles are done; delete "
+                f"{self.folder} to start afresh"
+            )
+        return states
 
     @contextmanager
     def marking(self) -> Iterator[Any]:

@@ -245,6 +245,34 @@ def test_other_settings_or_input_are_not_resumed(tmp_path, samples):
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("done", lambda data: b""),
+        ("done", lambda data: data[:-1]),
+        ("done", lambda data: bytes([7]) + data[1:]),
+        ("done", None),
+        ("data.npy", lambda data: data[:-1]),
+        ("data.npy", lambda data: b"\0" * len(data)),
+        ("settings.json", lambda data: data[:9]),
+    ],
+)
+def test_a_damaged_run_is_not_resumed(tmp_path, samples, name, damage):
+    target = tmp_path / "fine.npy"
+    stopped(tmp_path, samples, target)
+    path = tmp_path / "fine.npy.partial" / name
+    data = path.read_bytes()
+    path.unlink()
+    if damage is not None:
+        path.write_bytes(damage(data))
+    for _ in range(2):
+        with pytest.raises(InputError, match=rf"{name}: .*delete .*partial to start afresh"):
+            refined(samples, target, resume=True)
+    assert not target.exists()
+    path.write_bytes(data)
+    refined(samples, target, resume=True)
+
+
 def test_a_full_disk_keeps_what_is_there(tmp_path, samples):
     target = tmp_path / "fine.npy"
     np.save(target, np.zeros(3))

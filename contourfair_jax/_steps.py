@@ -6,7 +6,7 @@ import numpy as np
 
 from ._apart import check_apart
 from ._console import Reporter
-from ._describe import missing_note
+from ._describe import describe_missing, missing_note
 from ._levels import choose_levels
 from ._run import result_dtype
 from .io import Grid, InputError, read
@@ -22,7 +22,7 @@ def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool 
     for note in grid.notes:
         say.note(note)
     if grid.missing is not None:
-        say.note(missing_note(grid, fill))
+        say.note(missing_note(describe_missing(grid), fill))
     return grid
 
 

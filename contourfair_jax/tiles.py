@@ -21,6 +21,7 @@ from ._method import AbstractFairing
 from ._tile_job import Outcome as Outcome
 from ._tile_job import plan_job, run_job
 from ._tile_mesh import refine_sharded as refine_sharded
+from ._tile_room import check_room
 from ._tile_run import Worker
 from ._tile_state import Unfinished
 from ._tile_store import store_for
@@ -83,8 +84,9 @@ def refine_to(
     ValueError
         For an argument that cannot be used.
     contourfair_jax.io.InputError
-        The source cannot be read; the target is the source or lies in it; it cannot be written,
-        then the tiles that are done stay in ``TARGET.partial``; an unfinished run is there and
+        The source cannot be read, or all its samples are missing; the target is the source, or lies
+        in it; it cannot be written, and then the tiles that are done stay in ``TARGET.partial``; a
+        tile does not fit into memory, or the output onto the disk; an unfinished run is there and
         `resume` is not set, or it is damaged, or was one with other settings or another input: the
         message names the difference.
 
@@ -102,6 +104,7 @@ def refine_to(
         check_apart(Path(source), Path(target))
     state = Unfinished(target)
     job = plan_job(source, factor, method, spacing, dtype)
+    check_room(job.tiling, job.dtype, job.dtype, state)
     job = replace(job, store=store_for(state.target, state.data, job.tiling, job.dtype))
     return run_job(job, state, workers, resume, memory, progress)
 

@@ -1,5 +1,6 @@
 """Tiles: the same result however the work is cut, divided, interrupted; nothing is lost."""
 
+import json
 import os
 import random
 import resource
@@ -19,7 +20,7 @@ import zarr
 from conftest import SEED
 
 import contourfair_jax as cf
-from contourfair_jax import _tile_program, tiles
+from contourfair_jax import _tile_program, _tile_room, tiles
 from contourfair_jax._tiling import Tiling
 from contourfair_jax.cli import main
 from contourfair_jax.io import Grid, InputError, read, write
@@ -202,6 +203,40 @@ def test_arguments_are_checked(tmp_path, arguments, said):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_sizes_are_checked_before_the_start(tmp_path, samples, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    target = tmp_path / "fine.npy"
+    stopped(tmp_path, samples, target)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=20000))
+    with pytest.raises(InputError, match=r"other.npy: 61 x 83 samples are 39.6 KiB, the disk has"):
+        refined(samples, tmp_path / "other.npy")
+    refined(samples, target, resume=True)  # room that is set aside already counts
+    refined(samples, tmp_path / "compressed.zarr")
+    monkeypatch.setattr(_tile_room, "physical_memory", lambda: 1000)
+    with pytest.raises(InputError, match=r"one tile at factor 2 needs .* smaller --factor"):
+        refined(samples, target)
+    assert not list(tmp_path.glob("*.partial"))
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".zarr"])
+def test_missing_samples_are_counted(tmp_path, samples, suffix):
+    values = samples.copy()
+    values[4, 3:6] = np.nan
+    values[30, 0] = -np.inf
+    target = tmp_path / f"fine{suffix}"
+    plain = tiles.refine_to(values, tmp_path / "plain.npy", 2, method=METHOD)
+    stopped(tmp_path, values, target, after=9)
+    outcome = tiles.refine_to(values, target, 2, method=METHOD, resume=True)
+    stored = np.load(target) if suffix == ".npy" else zarr.open_array(target)[:]
+    assert (outcome.gaps, outcome.missing) == (4, np.isnan(stored).sum())
+    assert outcome.missing == plain.missing > 4
+    with pytest.raises(InputError, match="every sample is missing"):
+        refined(np.full(SHAPE, np.nan), tmp_path / "nothing.npy")
+    # Infinite in the precision to compute in.
+    outcome = tiles.refine_to(5e38 * values, target, 2, dtype="f4", method=METHOD)
+    assert outcome.gaps == (~(np.abs(5e38 * values) <= np.finfo("f4").max)).sum() > 100
+
+
 def stopped(tmp_path, samples, target, after=7):
     """A run that ends by an error of its caller after some tiles."""
 
@@ -345,15 +380,20 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
     write(source, grid)
     call = ["upsample", str(source), "--factor", "2", "--iterations", "0", "-o"]
     assert main([*call, str(plain)]) == 0
-    assert main([*call, str(target), "--resume"]) == 0
-    assert "61 x 83 float32" in capsys.readouterr().out
+    capsys.readouterr()
+    assert main([*call, str(target), "--resume", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["shape"], said["type"]) == ([61, 83], "float32")
+    assert said["missing"] == np.isnan(read(plain).values).sum()
+    note = "missing samples: 1 of 1302 (0.1%); they and the cells beside them stay missing"
+    assert note in said["notes"]
     whole, tiled = read(plain), read(target)
     np.testing.assert_allclose(tiled.values, whole.values, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(tiled.values[::2, ::2], values)
     np.testing.assert_allclose(tiled.affine, whole.affine)
     assert "UTM zone 33N" in (tiled.crs or "") or tiled.crs == "EPSG:32633"
     assert (tiled.units, tiled.axes) == ("m", grid.axes)
-    assert main([*call, str(tmp_path / "out.npy"), "--resume", "-q"]) == 0
+    assert main([*call, str(tmp_path / "out.npy"), "--memory", "2", "-q"]) == 0
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), tiled.values)
 
 
@@ -370,6 +410,14 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
         (["fields.npy", "-o", "out.zarr"], "real numbers are needed"),
         (["days.npy", "-o", "out.zarr"], "holds timedelta64[D] values"),
         (["complex.zarr", "-o", "out.zarr"], "holds complex numbers"),
+        (["damaged.zarr", "-o", "out.zarr"], "damaged.zarr: cannot be read as Zarr: Zstd"),
+        (["huge.zarr", "-o", "out.zarr"], "the disk has room for"),
+        (["huge.zarr", "-o", "out.npy", "--workers", "2"], "the disk has room for"),
+        (["bomb.zarr", "-o", "out.zarr"], "has chunks of 2.2 GiB for 400 bytes"),
+        (["in.npy", "-o", "out.zarr", "-f", "1000000"], "take a smaller --factor"),
+        (["gap.npy", "-o", "out.zarr"], "every sample is missing"),
+        (["in.npy", "-o", "out.zarr", "--memory", "0.1"], "memory must be at least"),
+        (["in.npy", "-o", "out.png", "--memory", "1"], "outputs in .zarr and .npy"),
         (["absent.zarr", "-o", "out.zarr"], "there is no such file"),
         (["bad.zarr", "-o", "out.zarr"], "cannot be read as Zarr"),
         (["row.npy", "-o", "out.zarr"], "fairing needs at least 3"),
@@ -387,6 +435,11 @@ def test_bad_calls_end_in_one_line(tmp_path, samples, monkeypatch, capsys, argum
     np.save("days.npy", samples.astype("m8[D]"))
     for name, values in {"in.zarr": samples, "complex.zarr": samples + 1j}.items():
         zarr.create_array(name, data=values, chunks=(16, 16))
+    shutil.copytree("in.zarr", "damaged.zarr")
+    Path("damaged.zarr/c/1/1").write_bytes(Path("in.zarr/c/1/1").read_bytes()[:20])
+    zarr.create_array("huge.zarr", shape=(10**9, 10**9), chunks=(10, 10), dtype="f8")
+    zarr.create_array("bomb.zarr", shape=(10, 10), chunks=(20000, 30000), dtype="f4")
+    np.save("gap.npy", np.full(SHAPE, np.nan))
     Path("short.npy").write_bytes(Path("in.npy").read_bytes()[:500])
     Path("bad.zarr").mkdir()
     Path("bad.zarr/zarr.json").write_text("{")

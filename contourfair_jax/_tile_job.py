@@ -15,12 +15,14 @@ import equinox as eqx
 import numpy as np
 
 from . import _check
+from ._global import GlobalFairing
 from ._local import LocalFairing
 from ._method import AbstractFairing
+from ._tile_gaps import is_cut, refusal
 from ._tile_program import overlap_of
 from ._tile_room import affordable
 from ._tile_run import Job, Stored, run_all
-from ._tile_source import Source, is_shared, slabs, source_of, survey
+from ._tile_source import Source, is_shared, read_block, slabs, source_of, survey
 from ._tile_state import DONE, OPEN, UNCONVERGED, Unfinished
 from ._tiling import Tiling
 from .io import InputError, exact_float
@@ -46,6 +48,8 @@ class Outcome:
         Samples of the input that are missing.
     missing
         Samples of the output that are.
+    cut
+        Tiles of global fairing beside gaps that reach too far beyond them.
     """
 
     shape: tuple[int, ...]
@@ -54,6 +58,7 @@ class Outcome:
     unconverged: int
     gaps: int
     missing: int
+    cut: int
 
 
 def plan_job(
@@ -62,6 +67,7 @@ def plan_job(
     method: AbstractFairing | None,
     spacing: float | Sequence[float],
     dtype: Any,
+    fill: bool,
 ) -> Job:
     """A job without a store.
 
@@ -92,7 +98,7 @@ def plan_job(
     method = LocalFairing() if method is None else method
     halo, cells = overlap_of(method, len(shape), factor)
     tiling = Tiling(shape, int(factor), cells, halo)
-    return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen)
+    return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen, fill)
 
 
 def run_job(
@@ -123,6 +129,7 @@ def run_job(
         found = survey(job.source.open(), job.dtype)
         if found.missing == math.prod(job.tiling.shape):
             raise InputError("every sample is missing, so there is nothing to fair")
+        cut = _cut_tiles(job) if found.missing else 0
         settings = settings_of(job, found.digest)
         if state.started:
             state.compare(settings)
@@ -136,6 +143,13 @@ def run_job(
         missing = state.missing(tiles)
         with in_one_line(state.target):
             state.finish()
+    if cut:
+        warnings.warn(
+            f"beside gaps that reach far beyond them, {cut} of {tiles} tiles have seams up to 1e-3 "
+            "of the range; fair the whole grid with fair_field, or locally, to have none",
+            UserWarning,
+            stacklevel=3,
+        )
     if failed:
         warnings.warn(
             f"global fairing did not converge in {failed} of {tiles} tiles; raise "
@@ -143,7 +157,22 @@ def run_job(
             UserWarning,
             stacklevel=3,
         )
-    return Outcome(job.tiling.fine_shape, tiles, resumed, failed, found.missing, missing)
+    return Outcome(job.tiling.fine_shape, tiles, resumed, failed, found.missing, missing, cut)
+
+
+def _cut_tiles(job: Job) -> int:
+    """How many tiles have gaps that reach too far beyond them; refused where they are filled."""
+    if not isinstance(job.method, GlobalFairing):
+        return 0
+    array = job.source.open()
+    cut = [
+        tile
+        for tile in job.tiling
+        if is_cut(job.method, read_block(array, tile.block, job.dtype), tile, job.tiling, job.fill)
+    ]
+    if cut and job.fill:
+        raise refusal(len(cut), cut[0])
+    return len(cut)
 
 
 def settings_of(job: Job, digest: str) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ._method import AbstractFairing
+from ._tile_gaps import check_gaps
 from ._tile_program import Program
 from ._tile_source import Source, read_block
 from ._tile_store import Store
@@ -69,6 +70,8 @@ class Worker:
         """The refined samples of a tile, and whether the method converged."""
         job = self._job
         block = read_block(self._array, tile.block, job.dtype)
+        if job.fill:
+            check_gaps(job.method, block, tile, job.tiling)
         fine, converged = self._program(block, tile.offset, job.tiling.window, job.tiling.factor)
         return fine[tile.cut], converged
 

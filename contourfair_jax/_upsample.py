@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import uuid
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -155,7 +156,11 @@ def upsample_in_tiles(
     job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind, fill)
     job = replace(job, store=_store(job, state, finer))
     size = " x ".join(str(n) for n in grid.shape)
-    with say.counting(f"fairing {size}", "samples", math.prod(grid.shape)) as progress:
+    with (
+        warnings.catch_warnings(record=True) as caught,
+        say.counting(f"fairing {size}", "samples", math.prod(grid.shape)) as progress,
+    ):
+        warnings.simplefilter("always", UserWarning)
         outcome = run_job(
             job,
             state,
@@ -165,6 +170,9 @@ def upsample_in_tiles(
             progress=progress,
             prepare=None if target.suffix.lower() == ".npy" else lambda path: _group(path, finer),
         )
+    for each in caught:
+        if each.category is UserWarning:
+            say.note(str(each.message))
     if outcome.gaps and not isinstance(opened, Held):  # else the reader has told
         say.note(missing_note(describe_count(outcome.gaps, math.prod(grid.shape)), fill))
     if target.suffix.lower() == ".npy" and grid.affine is not None:

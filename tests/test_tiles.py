@@ -176,6 +176,39 @@ def test_global_tiles_agree_with_the_whole(tmp_path):
     assert np.abs(fine - whole).max() < 1e-5 * np.ptp(noise)
 
 
+def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
+    noise = np.random.default_rng(SEED).standard_normal((9, 41))
+    method = cf.GlobalFairing(iterations=1)
+    narrow, wide = noise.copy(), noise.copy()
+    narrow[:, 17:19] = np.nan
+    wide[:, 14:29] = np.nan
+    source, target = tmp_path / "wide.npy", tmp_path / "fine.npy"
+    np.save(source, wide)
+    outcome = tiles.refine_to(narrow, target, 2, method=method)
+    assert (outcome.cut, outcome.missing) == (0, 0)
+    with pytest.raises(
+        InputError, match=r"reach too far beyond 2 tiles .* 0:9 x 2:23\).*fill=False"
+    ):
+        tiles.refine_to(source, target, 2, method=method)
+    with pytest.raises(InputError, match="reach too far beyond 1 tile to be filled"):
+        list(tiles.refine_tiles(wide, 2, method=method))
+    assert not np.isnan(np.load(target)).any()
+    with pytest.warns(UserWarning, match="beside gaps that reach far beyond them, 2 of 5 tiles"):
+        outcome = tiles.refine_to(source, target, 2, method=method, fill=False)
+    stored = np.load(target)
+    expected = np.zeros(stored.shape, bool)
+    expected[:, 2 * 13 + 1 : 2 * 29] = True
+    np.testing.assert_array_equal(np.isnan(stored), expected)
+    assert (outcome.cut, outcome.gaps, outcome.missing) == (2, 9 * 15, expected.sum())
+    call = ["upsample", str(source), "-o", str(tmp_path / "fine.zarr"), "-m", "global", "-f", "2"]
+    assert main([*call, "--fill"]) == 2
+    assert "leave the gaps (fill=False, no --fill)" in capsys.readouterr().err
+    assert main([*call, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["missing"] == outcome.missing
+    assert any("2 of 5 tiles have seams" in note for note in said["notes"])
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -189,6 +222,7 @@ def test_global_tiles_agree_with_the_whole(tmp_path):
         ({"workers": 0}, "workers must be an integer"),
         ({"memory": 1000}, "memory must be at least"),
         ({"method": cf.GlobalFairing(sigma=0.1)}, "method.sigma looks at the whole grid"),
+        ({"method": cf.GlobalFairing(norm=1.5)}, "method.norm below 2 weighs cells by the mean"),
         ({"method": "local"}, "method must be one of LocalFairing"),
         ({"target": "fine.tif"}, "names that end in .zarr or .npy"),
         ({"target": "absent/fine.npy"}, "there is no folder"),

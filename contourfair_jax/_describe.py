@@ -1,7 +1,9 @@
 """Grids in words, for the command line."""
 
+import math
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,20 +56,32 @@ def describe_missing(grid: Grid) -> str:
     where = ", ".join(
         f"{name} {first}..{last}" for name, (first, last) in zip(grid.axes, box, strict=True)
     )
-    share = grid.missing_count / grid.values.size
-    return f"{grid.missing_count} of {grid.values.size} ({share:.1%}), within {where}"
+    return f"{describe_count(grid.missing_count, grid.values.size)}, within {where}"
 
 
-def missing_note(grid: Grid, fill: bool = False) -> str:
-    """What a command says before it fairs data with gaps."""
+def describe_count(missing: int, size: int) -> str:
+    """How many samples are missing: ``3 of 63 (4.8%)``."""
+    return f"{missing} of {size} ({missing / size:.1%})"
+
+
+def missing_note(described: str, fill: bool = False) -> str:
+    """What a command says of gaps in the data that it fairs."""
     fate = "they are filled" if fill else "they and the cells beside them stay missing"
-    return f"missing samples: {describe_missing(grid)}; {fate}"
+    return f"missing samples: {described}; {fate}"
 
 
-def describe_output(grid: Grid) -> str:
-    """A few words about samples that were written."""
-    gaps = f", {grid.missing_count / grid.values.size:.1%} missing" if grid.missing_count else ""
-    return f"{_by(grid.shape)} {grid.values.dtype}{gaps}"
+@dataclass(frozen=True)
+class Output:
+    """Samples that were written: their number per axis, type, and how many are missing."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    missing: int
+
+    def __str__(self) -> str:
+        share = self.missing / math.prod(self.shape)
+        gaps = f", {share:.1%} missing" if self.missing else ""
+        return f"{_by(self.shape)} {self.dtype}{gaps}"
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ._method import AbstractFairing
+from ._tile_gaps import check_gaps
 from ._tile_program import Program, overlap_of
 from ._tile_source import read_block
 from ._tiling import Tiling
@@ -36,6 +37,7 @@ def _refine(task: _Task, number: int, block: np.ndarray) -> np.ndarray:
     tile = task.tiling.tile(number)
     samples = read_block(block, (slice(None),) * block.ndim, task.dtype)
     tiling = task.tiling
+    check_gaps(task.method, samples, tile, tiling)
     fine, _ = _PROGRAMS[task.token](samples, tile.offset, tiling.window, tiling.factor)
     return fine[tile.cut]
 

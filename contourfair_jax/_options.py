@@ -78,6 +78,10 @@ Workers = Annotated[
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue a .zarr or .npy output that was stopped.")
 ]
+Memory = Annotated[
+    float | None,
+    typer.Option(help="GiB that these processes may take together: fewer work if need be."),
+]
 Levels = Annotated[str | None, typer.Option(help="Levels, separated by commas: 100,150,200.")]
 Interval = Annotated[float | None, typer.Option(help="Levels at the multiples of this number.")]
 Count = Annotated[int | None, typer.Option(help="Number of levels, evenly spaced in the range.")]

@@ -1,12 +1,12 @@
 """What several commands do: read the input, check the names of files, choose levels."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
+from ._apart import check_apart
 from ._console import Reporter
-from ._describe import missing_note
+from ._describe import describe_missing, missing_note
 from ._levels import choose_levels
 from ._run import result_dtype
 from .io import Grid, InputError, read
@@ -16,14 +16,13 @@ from .io._atomic import check_parent, check_target
 def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
     """Read the samples and tell what is to be known about them."""
     check_parent(target)
-    if os.path.exists(source) and os.path.exists(target) and source.samefile(target):
-        raise InputError(f"{target}: is the input; write to another file")
+    check_apart(source, target)
     with say.working(f"reading {source}"):
         grid = read(source, key)
     for note in grid.notes:
         say.note(note)
     if grid.missing is not None:
-        say.note(missing_note(grid, fill))
+        say.note(missing_note(describe_missing(grid), fill))
     return grid
 
 

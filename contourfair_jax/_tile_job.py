@@ -1,6 +1,7 @@
 """A job from its arguments, and its course: begun or resumed, run, finished."""
 
 import dataclasses
+import math
 import uuid
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -14,19 +15,19 @@ import equinox as eqx
 import numpy as np
 
 from . import _check
+from ._global import GlobalFairing
 from ._local import LocalFairing
 from ._method import AbstractFairing
-from ._tile_program import overlap_of, tile_bytes
-from ._tile_run import Job, run_all
-from ._tile_source import Source, fingerprint, is_shared, slabs, source_of
+from ._tile_gaps import is_cut, refusal
+from ._tile_program import overlap_of
+from ._tile_room import affordable
+from ._tile_run import Job, Stored, run_all
+from ._tile_source import Source, is_shared, read_block, slabs, source_of, survey
 from ._tile_state import DONE, OPEN, UNCONVERGED, Unfinished
 from ._tiling import Tiling
 from .io import InputError, exact_float
 from .io._atomic import in_one_line
 from .io._errors import one_line
-
-# Memory of a process beside its tile: Python, JAX, the compiled program.
-_PROCESS_BYTES = 512 * 2**20
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,12 +44,21 @@ class Outcome:
         How many of them were there from an earlier run.
     unconverged
         How many did not meet the tolerance of global fairing.
+    gaps
+        Samples of the input that are missing.
+    missing
+        Samples of the output that are.
+    cut
+        Tiles of global fairing beside gaps that reach too far beyond them.
     """
 
     shape: tuple[int, ...]
     tiles: int
     resumed: int
     unconverged: int
+    gaps: int
+    missing: int
+    cut: int
 
 
 def plan_job(
@@ -57,6 +67,7 @@ def plan_job(
     method: AbstractFairing | None,
     spacing: float | Sequence[float],
     dtype: Any,
+    fill: bool,
 ) -> Job:
     """A job without a store.
 
@@ -87,7 +98,7 @@ def plan_job(
     method = LocalFairing() if method is None else method
     halo, cells = overlap_of(method, len(shape), factor)
     tiling = Tiling(shape, int(factor), cells, halo)
-    return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen)
+    return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen, fill)
 
 
 def run_job(
@@ -108,37 +119,70 @@ def run_job(
     """
     if not isinstance(workers, Executor):
         _check.check_count(workers, 1, "workers")
-    workers = _affordable(job, workers, memory)
-    state.check_target()
+    workers = affordable(job.tiling, job.dtype, workers, memory)
     with state.held():
         if state.started and not resume:
             raise InputError(
                 f"{state.target}: an unfinished run is in {state.folder}; resume it, or delete "
                 "that folder to start afresh"
             )
-        settings = settings_of(job)
+        found = survey(job.source.open(), job.dtype)
+        if found.missing == math.prod(job.tiling.shape):
+            raise InputError("every sample is missing, so there is nothing to fair")
+        cut = _cut_tiles(job) if found.missing else 0
+        settings = settings_of(job, found.digest)
         if state.started:
             state.compare(settings)
         else:
             _begin(job, state, settings, prepare)
-        resumed = int(np.count_nonzero(state.states()))
+        tiles = len(job.tiling)
+        resumed = int(np.count_nonzero(state.states(tiles)))
         with _kept(state):
             _run_rest(_shared(job, state, workers), state, workers, progress)
-        failed = int(np.count_nonzero(state.states() == UNCONVERGED))
+        failed = int(np.count_nonzero(state.states(tiles) == UNCONVERGED))
+        missing = state.missing(tiles)
         with in_one_line(state.target):
             state.finish()
+    if cut:
+        warnings.warn(
+            f"beside gaps that reach far beyond them, {cut} of {tiles} tiles have seams up to 1e-3 "
+            "of the range; fair the whole grid with fair_field, or locally, to have none",
+            UserWarning,
+            stacklevel=3,
+        )
     if failed:
         warnings.warn(
-            f"global fairing did not converge in {failed} of {len(job.tiling)} tiles; raise "
+            f"global fairing did not converge in {failed} of {tiles} tiles; raise "
             "max_steps or thin_plate_weight",
             UserWarning,
             stacklevel=3,
         )
-    return Outcome(job.tiling.fine_shape, len(job.tiling), resumed, failed)
+    return Outcome(job.tiling.fine_shape, tiles, resumed, failed, found.missing, missing, cut)
 
 
-def settings_of(job: Job) -> dict[str, Any]:
-    """What a result depends on, to the last bit, by names for messages."""
+def _cut_tiles(job: Job) -> int:
+    """How many tiles have gaps that reach too far beyond them; refused where they are filled."""
+    if not isinstance(job.method, GlobalFairing):
+        return 0
+    array = job.source.open()
+    cut = [
+        tile
+        for tile in job.tiling
+        if is_cut(job.method, read_block(array, tile.block, job.dtype), tile, job.tiling, job.fill)
+    ]
+    if cut and job.fill:
+        raise refusal(len(cut), cut[0])
+    return len(cut)
+
+
+def settings_of(job: Job, digest: str) -> dict[str, Any]:
+    """What a result depends on, to the last bit, by names for messages.
+
+    Parameters
+    ----------
+    digest
+        A hash of the samples.
+    """
     array, method = job.source.open(), job.method
     of_method = {
         f"method.{field.name}": _plain(getattr(method, field.name))
@@ -157,7 +201,7 @@ def settings_of(job: Job) -> dict[str, Any]:
         "tile": [job.tiling.cells, job.tiling.halo],
         "version of contourfair-jax": version("contourfair-jax"),
         "version of jax": version("jax"),
-        "content of the input": fingerprint(array),
+        "content of the input": digest,
     }
 
 
@@ -190,7 +234,7 @@ def _run_rest(
     progress: Callable[[int, int], None] | None,
 ) -> None:
     """The tiles that are not done."""
-    states = state.states()
+    states = state.states(len(job.tiling))
     count, total = int(np.count_nonzero(states)), len(states)
     rest = np.flatnonzero(states == OPEN).tolist()
     if not rest:
@@ -199,9 +243,9 @@ def _run_rest(
     job.store.sweep()
     with state.marking() as mark:
 
-        def done(number: int, converged: bool) -> None:
+        def done(number: int, stored: Stored) -> None:
             nonlocal count
-            mark(number, DONE if converged else UNCONVERGED)
+            mark(number, DONE if stored.converged else UNCONVERGED, stored.missing)
             count += 1
             if progress is not None:
                 progress(count, total)
@@ -234,18 +278,3 @@ def _kept(state: Unfinished) -> Iterator[None]:
             f"{state.target}: cannot be written ({error.strerror or one_line(error)}); the tiles "
             f"that are done are kept in {state.folder}: mend it and resume"
         ) from error
-
-
-def _affordable(job: Job, workers: int | Executor, memory: int | None) -> int | Executor:
-    """As many workers as `memory` has room for."""
-    if memory is None:
-        return workers
-    each = _PROCESS_BYTES + tile_bytes(job.tiling, job.dtype.itemsize)
-    if memory < each:
-        raise ValueError(
-            f"memory must be at least {each} bytes for tiles of this method and factor, "
-            f"got {memory}"
-        )
-    # More than one worker are processes of their own, beside this one.
-    fit = (memory - _PROCESS_BYTES) // each
-    return max(1, min(workers, fit)) if isinstance(workers, int) else workers

@@ -35,6 +35,9 @@ def refine_sharded(
 ) -> Float[Array, "*fine"]:
     """Fair and refine samples that are spread over the devices of a mesh.
 
+    Global fairing fills missing samples (NaN).  In gaps that reach beyond a tile it is not exact,
+    as `contourfair_jax.tiles` tells; as values may be traced, these are not looked for.
+
     Differentiable in values, spacing and the real-valued settings of the method; may be called in
     `jax.jit`.
 

@@ -16,7 +16,7 @@ from ._field import BezierField
 from ._gaps import without_gaps
 from ._global import GlobalFairing
 from ._local import LocalFairing
-from ._method import AbstractFairing
+from ._method import AbstractFairing, is_traced
 from ._tiling import Tiling
 
 
@@ -37,7 +37,7 @@ class Overlap(NamedTuple):
 
 # A cell of local fairing depends on the samples one step around it.  In global fairing the
 # influence of a sample fades: on noise, seams are 1e-4 of the range with a halo of 8 cells, and
-# with 16 no larger than what the tolerance leaves.
+# with 16 no larger than what the tolerance leaves.  In gaps nothing fades; see `_tile_gaps`.
 _OVERLAPS: dict[type[AbstractFairing], Overlap] = {
     LocalFairing: Overlap(1, {2: 128, 3: 24}),
     GlobalFairing: Overlap(24, {2: 256, 3: 64}),
@@ -65,6 +65,12 @@ def overlap_of(method: AbstractFairing, ndim: int, factor: int) -> tuple[int, in
                 f"method.{name} looks at the whole grid, so it cannot be used in tiles; "
                 "leave it None, or fair the whole grid with fair_field"
             )
+    norm = getattr(method, "norm", 2)
+    if is_traced(norm) or norm != 2:
+        raise ValueError(
+            "method.norm below 2 weighs cells by the mean of the whole grid, so it cannot be used "
+            "in tiles; leave it 2, or fair the whole grid with fair_field"
+        )
     halo, cells = _OVERLAPS[type(method)]
     return halo, max(4, min(cells[ndim], _MOST[ndim] // factor))
 
@@ -142,9 +148,10 @@ class Program:
             fine = tuple(factor * cells + 1 for cells in window)
             return np.full(fine, np.nan, self._dtype), True
         with self._precision():
+            samples = jnp.asarray(block, self._dtype)
             values, converged = _compiled(
-                self._method,
-                jnp.asarray(block, self._dtype),
+                self._method.prepare(samples),
+                samples,
                 self._spacing,
                 jnp.asarray(np.array(offset), np.int32),
                 window,

@@ -13,11 +13,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ._method import AbstractFairing
+from ._tile_gaps import check_gaps
 from ._tile_program import Program
 from ._tile_source import Source, read_block
 from ._tile_store import Store
@@ -69,22 +70,31 @@ class Worker:
         """The refined samples of a tile, and whether the method converged."""
         job = self._job
         block = read_block(self._array, tile.block, job.dtype)
+        if job.fill:
+            check_gaps(job.method, block, tile, job.tiling)
         fine, converged = self._program(block, tile.offset, job.tiling.window, job.tiling.factor)
         return fine[tile.cut], converged
 
-    def run(self, number: int) -> bool:
-        """Compute and store a tile; False where the method did not converge."""
+    def run(self, number: int) -> "Stored":
+        """Compute and store a tile."""
         tile = self._job.tiling.tile(number)
         values, converged = self.compute(tile)
         assert self._writer is not None
         self._writer.write(tile.region, values)
-        return converged
+        return Stored(converged, int(np.count_nonzero(np.isnan(values))))
+
+
+class Stored(NamedTuple):
+    """What is said of a tile that is stored: whether the method converged, and missing samples."""
+
+    converged: bool
+    missing: int
 
 
 _WORKERS: dict[str, Worker] = {}
 
 
-def run_tile(job: Job, number: int) -> bool:
+def run_tile(job: Job, number: int) -> Stored:
     """`Worker.run` in any process."""
     if job.token not in _WORKERS:
         _WORKERS.clear()
@@ -96,7 +106,7 @@ def run_all(
     job: Job,
     numbers: Iterable[int],
     workers: int | Executor,
-    done: Callable[[int, bool], None],
+    done: Callable[[int, Stored], None],
 ) -> None:
     """Run tiles and report each, in whatever order they end.
 
@@ -105,7 +115,7 @@ def run_all(
     workers
         1 for this process, more for as many processes of one thread each, or an executor.
     done
-        Called with the number of a tile that is stored and whether it converged.
+        Called with the number of a tile that is stored and what is said of it.
     """
     if workers == 1:
         worker = Worker(job)
@@ -122,7 +132,7 @@ def _spread(
     job: Job,
     numbers: Iterator[int],
     most: int,
-    done: Callable[[int, bool], None],
+    done: Callable[[int, Stored], None],
 ) -> None:
     """Keep at most so many tiles in the hands of the executor."""
     pending: dict[Any, int] = {}
@@ -143,7 +153,7 @@ def _spread(
             future.cancel()
 
 
-def _collect(pending: dict[Any, int], done: Callable[[int, bool], None]) -> None:
+def _collect(pending: dict[Any, int], done: Callable[[int, Stored], None]) -> None:
     ended, _ = wait(pending, return_when=FIRST_COMPLETED)
     for future in ended:
         done(pending.pop(future), future.result())

@@ -5,19 +5,25 @@ import math
 import mmap
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ._tiling import Slices
 from .io import Grid, InputError
 from .io._errors import one_line
+from .io._limits import describe_bytes, physical_memory
+from .io._missing import check_dtype
 from .io._npy import read_header
 
-# Bytes of samples that are read at once where the order does not matter.
-_SLAB_BYTES = 2**25
+# Bytes of samples that are read at once where the order does not matter, and the most where whole
+# chunks are.
+_SLAB_BYTES, _CHUNKED_SLAB_BYTES = 2**25, 2**28
+# Bytes of a chunk that are no burden, however small the array.
+_SMALL_CHUNK = 2**28
 
 
 @dataclass(frozen=True)
@@ -60,26 +66,62 @@ class ZarrMember:
     path: str
     key: str | None = None
 
-    def open(self) -> Any:
+    def open(self) -> "ZarrParts":
         """The array, of which parts are read when they are sliced."""
         return self.outline()[1]
 
-    def outline(self) -> tuple[Grid, Any]:
+    def outline(self) -> tuple[Grid, "ZarrParts"]:
         """The array and, without samples, the grid that it belongs to.
 
         Raises
         ------
         InputError
-            The folder is damaged, or holds no such array.
+            The folder is damaged, or holds no such array, or one in chunks that are too large.
         """
         from .io._zarr import read_outline
 
-        try:
-            return read_outline(Path(self.path), self.key)
-        except InputError as error:
-            raise InputError(f"{self.path}: {error}") from error
-        except Exception as error:  # the libraries raise anything on damaged folders
-            raise InputError(f"{self.path}: cannot be read as Zarr: {one_line(error)}") from error
+        with _as_zarr(self.path):
+            grid, array = read_outline(Path(self.path), self.key)
+            parts = ZarrParts(self.path, array)
+            parts.check_chunks()
+        return grid, parts
+
+
+class ZarrParts:
+    """A Zarr array on the disk; what is wrong with the parts that are read is said in one line."""
+
+    def __init__(self, path: str, array: Any) -> None:
+        self._path, self._array = path, array
+        self.shape, self.dtype = tuple(array.shape), np.dtype(array.dtype)
+        stored = getattr(array, "encoding", {}).get("chunks") or getattr(array, "chunks", None)
+        self._chunk = tuple(stored or ())
+        # Of a part of a variable the chunks say nothing.
+        self.chunks = self._chunk if len(self._chunk) == len(self.shape) else None
+
+    def __getitem__(self, part: Slices) -> np.ndarray:
+        with _as_zarr(self._path):
+            return np.asarray(self._array[part])
+
+    def check_chunks(self) -> None:
+        """Refuse chunks that are far larger than the array, or than the memory: bombs."""
+        size = math.prod(self._chunk) * self.dtype.itemsize
+        whole = math.prod(self.shape) * self.dtype.itemsize
+        if size > max(_SMALL_CHUNK, min(2 * whole, physical_memory())):
+            raise InputError(
+                f"has chunks of {describe_bytes(size)} for {describe_bytes(whole)} of samples; "
+                "store it in smaller chunks"
+            )
+
+
+@contextmanager
+def _as_zarr(path: str) -> Iterator[None]:
+    """Errors of reading in one line."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except Exception as error:  # the libraries raise anything on damaged folders
+        raise InputError(f"{path}: cannot be read as Zarr: {one_line(error)}") from error
 
 
 Source = MappedFile | ZarrMember | Held
@@ -107,21 +149,30 @@ def source_of(given: Any) -> Source:
 
 
 def source_at(path: Path, key: str | None = None) -> Source:
+    """How to open a ``.npy`` file, or the array `key` of a Zarr folder.
+
+    Raises
+    ------
+    InputError
+        There is no such file, it is damaged, or it does not hold real numbers.
+    """
     if not path.exists():
         raise InputError(f"{path}: there is no such file")
     if path.is_dir():
         return ZarrMember(os.path.abspath(path), key)
-    if path.suffix != ".npy":
+    if path.suffix.lower() != ".npy":
         raise InputError(f"{path}: .npy files and .zarr folders are read in tiles")
+    if key is not None:
+        raise InputError(f"{path}: holds one array, so there is no {key!r} to choose")
     with open(path, "rb") as stream:
         try:
             shape, fortran, dtype = read_header(stream)
+            check_dtype(dtype)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
         offset = stream.tell()
-    promised = offset + math.prod(shape) * dtype.itemsize
-    if dtype.hasobject or promised > path.stat().st_size:
-        raise InputError(f"{path}: is truncated, or holds objects instead of numbers")
+    if offset + math.prod(shape) * dtype.itemsize > path.stat().st_size:
+        raise InputError(f"{path}: is truncated: its header promises more samples than are there")
     return MappedFile(os.path.abspath(path), offset, shape, dtype.str, "F" if fortran else "C")
 
 
@@ -136,25 +187,51 @@ def is_shared(source: Source) -> bool:
 
 def read_block(array: Any, block: Slices, dtype: np.dtype) -> np.ndarray:
     """Samples of a block in the precision to compute in; infinite ones are missing, as NaN."""
-    values = np.asarray(array[block]).astype(dtype)
+    values = _in_precision(np.asarray(array[block]), dtype)
     values[~np.isfinite(values)] = np.nan
     return values
 
 
-def fingerprint(array: Any) -> str:
-    """A hash of all samples, whatever the chunks."""
-    digest = hashlib.blake2b(digest_size=16)
+def _in_precision(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    """A copy in `dtype`; what is too large for it becomes infinite, and is counted as missing."""
+    with np.errstate(over="ignore"):
+        return values.astype(dtype)
+
+
+class Survey(NamedTuple):
+    """What all samples together are.
+
+    Parameters
+    ----------
+    digest
+        A hash of them, whatever the chunks.
+    missing
+        How many are not finite in the precision to compute in.
+    """
+
+    digest: str
+    missing: int
+
+
+def survey(array: Any, dtype: np.dtype) -> Survey:
+    """Read all samples once."""
+    digest, missing = hashlib.blake2b(digest_size=16), 0
     for slab in slabs(array):
-        digest.update(np.ascontiguousarray(np.asarray(array[slab])).data)
-    return digest.hexdigest()
+        values = np.ascontiguousarray(np.asarray(array[slab]))
+        digest.update(values.data)
+        if values.dtype.kind == "f":
+            finite = np.isfinite(_in_precision(values, dtype))
+            missing += values.size - int(np.count_nonzero(finite))
+    return Survey(digest.hexdigest(), missing)
 
 
 def slabs(array: Any) -> Iterator[Slices]:
     """Parts along the first axis, whole chunks where there are chunks."""
-    row = math.prod(array.shape[1:]) * np.dtype(array.dtype).itemsize
-    rows = max(1, _SLAB_BYTES // max(row, 1))
+    row = max(1, math.prod(array.shape[1:]) * np.dtype(array.dtype).itemsize)
+    rows = max(1, _SLAB_BYTES // row)
     chunks = getattr(array, "chunks", None)
     if chunks and isinstance(chunks[0], int):
-        rows = max(chunks[0], rows // chunks[0] * chunks[0])
+        whole = max(chunks[0], rows // chunks[0] * chunks[0])
+        rows = whole if whole * row <= _CHUNKED_SLAB_BYTES else rows
     for start in range(0, array.shape[0], rows):
         yield (slice(start, min(start + rows, array.shape[0])),)

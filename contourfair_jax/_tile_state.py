@@ -1,14 +1,15 @@
 """An unfinished run beside its target: what it is of, which tiles are done, how it ends.
 
-The folder ``TARGET.partial`` holds the output so far, ``settings.json`` and ``done``, one byte for
-each tile, set when the tile has been written.  The target itself is untouched until the end, when
+The folder ``TARGET.partial`` holds the output so far, ``settings.json``, ``missing``, the number of
+missing samples of each tile of the output, and ``done``, one byte for each tile, set when the tile
+has been written.  The target itself is untouched until the end, when
 the output is renamed over it.
 """
 
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from .io import InputError
 from .io._atomic import check_folder, check_target, flush, in_one_line
 
 OPEN, DONE, UNCONVERGED = 0, 1, 2
+_STATE, _COUNT = np.dtype(np.uint8), np.dtype("<i8")
 _NOTE = "unfinished: continue with resume, or delete this folder"
 
 
@@ -36,7 +38,8 @@ class Unfinished:
         self.folder = self.target.with_name(self.target.name + ".partial")
         self.data = self.folder / f"data{self.target.suffix.lower()}"
         self._old = self.folder / f"old{self.target.suffix.lower()}"
-        self._settings, self._done = self.folder / "settings.json", self.folder / "done"
+        self._settings = self.folder / "settings.json"
+        self._done, self._missing = self.folder / "done", self.folder / "missing"
 
     def check_target(self) -> None:
         """Refuse a target that cannot become what its name says."""
@@ -79,10 +82,15 @@ class Unfinished:
 
     def begin(self, settings: Mapping[str, Any], tiles: int) -> None:
         """Record what the run is of; call it when the empty output is there."""
-        self._done.write_bytes(bytes(tiles))
+        for path, kind in ((self._done, _STATE), (self._missing, _COUNT)):
+            path.write_bytes(bytes(kind.itemsize * tiles))
+            flush(path)
         new = self._settings.with_suffix(".new")
         new.write_text(json.dumps({"note": _NOTE, **settings}, indent=1))
+        flush(new)
         os.replace(new, self._settings)
+        if os.name == "posix":  # elsewhere folders cannot be flushed
+            flush(self.folder)
 
     def clear(self) -> None:
         """Remove what a run left that was stopped before it began."""
@@ -92,18 +100,43 @@ class Unfinished:
             else:
                 each.unlink(missing_ok=True)
 
-    def states(self) -> np.ndarray:
-        """The state of every tile."""
-        return np.frombuffer(self._done.read_bytes(), np.uint8)
+    def states(self, tiles: int) -> np.ndarray:
+        """The state of every tile.
+
+        Raises
+        ------
+        InputError
+            The record is not one of so many tiles.
+        """
+        return self._read(self._done, _STATE, tiles, UNCONVERGED)
+
+    def missing(self, tiles: int) -> int:
+        """How many samples of the output are missing, in the tiles that are done."""
+        return int(self._read(self._missing, _COUNT, tiles, np.iinfo(_COUNT).max).sum())
+
+    def _read(self, path: Path, kind: np.dtype, tiles: int, most: int) -> np.ndarray:
+        data = path.read_bytes() if path.exists() else b""
+        whole = len(data) == kind.itemsize * tiles
+        if not whole or (np.frombuffer(data, kind) > most).any():
+            raise InputError(
+                f"{path}: is damaged, so it is not known which tiles are done; delete "
+                f"{self.folder} to start afresh"
+            )
+        return np.frombuffer(data, kind)
 
     @contextmanager
-    def marking(self) -> Iterator[Any]:
-        """A function ``mark(number, state)``."""
-        with open(self._done, "r+b", buffering=0) as stream:
+    def marking(self) -> Iterator[Callable[[int, int, int], None]]:
+        """A function ``mark(number, state, missing)``."""
+        with (
+            open(self._done, "r+b", buffering=0) as states,
+            open(self._missing, "r+b", buffering=0) as counts,
+        ):
 
-            def mark(number: int, state: int) -> None:
-                stream.seek(number)
-                stream.write(bytes([state]))
+            def mark(number: int, state: int, missing: int) -> None:
+                counts.seek(number * _COUNT.itemsize)
+                counts.write(np.array(missing, _COUNT).tobytes())
+                states.seek(number)
+                states.write(bytes([state]))
 
             yield mark
 

@@ -15,6 +15,9 @@ import numpy as np
 
 from ._tiling import Slices, Tiling
 from .io import InputError
+from .io._npy import read_header
+
+_AFRESH = "delete {} to start afresh"
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,18 @@ class NpyWriter:
     def __init__(self, store: NpyStore) -> None:
         self._path, self._shape, self._dtype = store.path, store.shape, store.dtype
         size = math.prod(store.shape) * store.dtype.itemsize
-        self._start = store.path.stat().st_size - size
+        try:
+            with open(self._path, "rb") as stream:
+                read_header(stream)
+                self._start = stream.tell()
+        except InputError as error:
+            raise InputError(
+                f"{self._path}: {error}; {_AFRESH.format(self._path.parent)}"
+            ) from error
+        if self._path.stat().st_size != self._start + size:
+            raise InputError(
+                f"{self._path}: has not the size of the output; {_AFRESH.format(self._path.parent)}"
+            )
 
     def write(self, region: Slices, values: np.ndarray) -> None:
         """Store `values` row by row."""

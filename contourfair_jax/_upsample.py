@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 import uuid
-from dataclasses import replace
+import warnings
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._apart import check_apart
 from ._console import Reporter
+from ._describe import Output, describe_count, missing_note
 from ._run import (
     Settings,
     check_axes,
@@ -25,29 +28,50 @@ from ._steps import load, warn_narrowing
 from .io import Grid, InputError, check_writable, write
 
 if TYPE_CHECKING:
+    from ._method import AbstractFairing
     from ._tile_job import Job
     from ._tile_source import Source
     from ._tile_state import Unfinished
     from ._tile_store import Store
+    from ._tiling import Tiling
 
 # Samples of a ``.npy`` file from which on it is read and written in tiles.
 _LARGE = 2**24
 _PARTS = (".npy", ".zarr")
 
 
-def is_tiled(source: Path, target: Path, workers: int, resume: bool) -> bool:
+@dataclass(frozen=True)
+class Division:
+    """How work is to be divided: the options ``--workers``, ``--resume`` and ``--memory``."""
+
+    workers: int = 1
+    resume: bool = False
+    memory: float | None = None
+
+    @property
+    def asked(self) -> bool:
+        """Whether any of them was given."""
+        return self != Division()
+
+
+def is_tiled(source: Path, target: Path, method: str, division: Division) -> bool:
     """Whether to work in tiles: into Zarr folders, into ``.npy`` if large, or where it is asked.
+
+    Tuning needs all samples in memory, so that it is done in tiles only where it is asked.
 
     Raises
     ------
     InputError
-        Several workers, or a run to be resumed, for a format that is written as a whole.
+        Work that is to be divided, for a format that is written as a whole.
     """
     kind = target.suffix.lower()
-    if (workers != 1 or resume) and kind not in _PARTS:
-        raise InputError(f"{target}: --workers and --resume are for outputs in .zarr and .npy")
+    if division.asked and kind not in _PARTS:
+        raise InputError(
+            f"{target}: --workers, --resume and --memory are for outputs in .zarr and .npy"
+        )
     large = source.suffix.lower() in _PARTS and _size(source) > 4 * _LARGE
-    return kind == ".zarr" or (kind == ".npy" and (large or workers != 1 or resume))
+    large = large or kind == ".zarr"
+    return kind in _PARTS and (division.asked or (large and method != "tune"))
 
 
 def _size(source: Path) -> int:
@@ -67,8 +91,8 @@ def upsample_whole(
     single: bool,
     fill: bool,
     say: Reporter,
-) -> Grid:
-    """Read, refine and write; returns the output.
+) -> Output:
+    """Read, refine and write.
 
     Raises
     ------
@@ -89,7 +113,7 @@ def upsample_whole(
         notes = write(target, result)
     for note in notes:
         say.note(note)
-    return result
+    return Output(result.shape, result.values.dtype, result.missing_count)
 
 
 def upsample_in_tiles(
@@ -100,12 +124,11 @@ def upsample_in_tiles(
     settings: Settings,
     key: str | None,
     single: bool,
-    workers: int,
-    resume: bool,
+    division: Division,
     fill: bool,
     say: Reporter,
-) -> Grid:
-    """Refine in tiles; returns the output without its samples.
+) -> Output:
+    """Refine in tiles.
 
     Raises
     ------
@@ -113,38 +136,60 @@ def upsample_in_tiles(
         As `contourfair_jax.tiles.refine_to` and the readers.
     """
     from ._tile_job import run_job
-    from ._tile_program import overlap_of
+    from ._tile_room import check_room
     from ._tile_run import Job
+    from ._tile_source import Held
     from ._tile_state import Unfinished
-    from ._tiling import Tiling
 
-    if workers < 1:
-        raise InputError(f"--workers must be 1 or more, got {workers}")
+    if division.workers < 1:
+        raise InputError(f"--workers must be 1 or more, got {division.workers}")
     check_fill(method, fill)
     grid, opened = _opened(source, target, method, key, fill, say)
     check_axes(grid)
     warn_narrowing(grid, single, say)
     chosen = choose_method(grid, method, settings)
-    halo, cells = overlap_of(chosen, grid.ndim, factor)
-    tiling = Tiling(grid.shape, factor, cells, halo)
+    tiling = _tiling(chosen, grid, factor)
     kind = np.dtype(np.float32 if single else np.float64)
-    finer = _outline(grid, factor, result_dtype(grid, single))
+    stored, state = result_dtype(grid, single), Unfinished(target)
+    check_room(tiling, kind, stored, state)
+    finer = _outline(grid, factor, stored)
     job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind, fill)
-    state = Unfinished(target)
     job = replace(job, store=_store(job, state, finer))
     size = " x ".join(str(n) for n in grid.shape)
-    with say.counting(f"fairing {size}", "samples", math.prod(grid.shape)) as progress:
-        run_job(
+    with (
+        warnings.catch_warnings(record=True) as caught,
+        say.counting(f"fairing {size}", "samples", math.prod(grid.shape)) as progress,
+    ):
+        warnings.simplefilter("always", UserWarning)
+        outcome = run_job(
             job,
             state,
-            workers,
-            resume,
+            division.workers,
+            division.resume,
+            None if division.memory is None else int(division.memory * 2**30),
             progress=progress,
             prepare=None if target.suffix.lower() == ".npy" else lambda path: _group(path, finer),
         )
+    for each in caught:
+        if each.category is UserWarning:
+            say.note(str(each.message))
+    if outcome.gaps and not isinstance(opened, Held):  # else the reader has told
+        say.note(missing_note(describe_count(outcome.gaps, math.prod(grid.shape)), fill))
     if target.suffix.lower() == ".npy" and grid.affine is not None:
         say.note(".npy keeps the samples only: spacing and coordinates are left out")
-    return finer
+    return Output(outcome.shape, stored, outcome.missing)
+
+
+def _tiling(method: AbstractFairing, grid: Grid, factor: int) -> Tiling:
+    """How the grid is cut; what cannot be cut is bad input here."""
+    from ._tile_program import overlap_of
+    from ._tiling import Tiling
+
+    try:
+        halo, cells = overlap_of(method, grid.ndim, factor)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    return Tiling(grid.shape, factor, cells, halo)
 
 
 def _opened(
@@ -156,8 +201,7 @@ def _opened(
     if source.suffix.lower() not in _PARTS or method == "tune":
         grid = load(source, key, target, say, fill)
         return grid, Held(grid.values)
-    if source.exists() and target.exists() and source.samefile(target):
-        raise InputError(f"{target}: is the input; write to another file")
+    check_apart(source, target)
     opened = source_at(source, key)
     if isinstance(opened, ZarrMember):
         grid = opened.outline()[0]

@@ -20,7 +20,7 @@ from ._cli_contours import COMMANDS as CONTOURS
 from ._cli_meshes import COMMANDS as MESHES
 from ._cli_metrics import COMMANDS as METRICS
 from ._console import Reporter
-from ._describe import describe_output, facts, information
+from ._describe import facts, information
 from ._options import (
     SUMMARY,
     WRITABLE,
@@ -33,6 +33,7 @@ from ._options import (
     Json,
     Key,
     Levels,
+    Memory,
     Method,
     Quiet,
     Resume,
@@ -44,7 +45,7 @@ from ._options import (
 )
 from ._run import Settings, check_fairable, fair, precision
 from ._steps import check_suffix, levels_of, load
-from ._upsample import is_tiled, upsample_in_tiles, upsample_whole
+from ._upsample import Division, is_tiled, upsample_in_tiles, upsample_whole
 from ._window import choose_window
 from .io import InputError, read
 
@@ -101,6 +102,7 @@ def upsample(
     single: Single = False,
     workers: Workers = 1,
     resume: Resume = False,
+    memory: Memory = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -114,15 +116,14 @@ def upsample(
     if factor < 1:
         raise InputError(f"--factor must be 1 or more, got {factor}")
     settings = Settings(iterations, thin_plate_weight)
-    if is_tiled(source, target, workers, resume):
-        finer = upsample_in_tiles(
-            source, target, factor, method, settings, key, single, workers, resume, fill, say
+    tiling = Division(workers, resume, memory)
+    if is_tiled(source, target, method, tiling):
+        made = upsample_in_tiles(
+            source, target, factor, method, settings, key, single, tiling, fill, say
         )
     else:
-        finer = upsample_whole(source, target, factor, method, settings, key, single, fill, say)
-    gaps = finer.missing_count
-    text = describe_output(finer)
-    say.done(target, text, shape=finer.shape, type=finer.values.dtype.name, missing=gaps)
+        made = upsample_whole(source, target, factor, method, settings, key, single, fill, say)
+    say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
 
 
 for _command, _examples in CONTOURS.items():

@@ -5,20 +5,28 @@ program.  So the result is the same, bit for bit, whoever computes which tile in
 after any number of interruptions.  Local fairing is exact in tiles: cells depend on the samples one
 step around them.  For global fairing tiles overlap by 24 cells, and seams stay below 1e-5 of the
 range of the samples.
+
+Gaps: local fairing leaves them.  Global fairing fills those that end well within the overlap, to
+some 1e-4 of the range, and refuses wider ones that reach beyond a tile, for what is in them depends
+on all samples around.  With ``fill=False`` gaps of any size stay missing; cells beside those that
+reach beyond a tile may have seams up to 1e-3, of which a warning tells.
 """
 
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ._apart import check_apart
 from ._method import AbstractFairing
 from ._tile_job import Outcome as Outcome
 from ._tile_job import plan_job, run_job
 from ._tile_mesh import refine_sharded as refine_sharded
+from ._tile_room import check_room
 from ._tile_run import Worker
 from ._tile_state import Unfinished
 from ._tile_store import store_for
@@ -33,6 +41,7 @@ def refine_to(
     method: AbstractFairing | None = None,
     spacing: float | Sequence[float] = 1.0,
     dtype: Any = None,
+    fill: bool = True,
     workers: int | Executor = 1,
     resume: bool = False,
     memory: int | None = None,
@@ -60,6 +69,9 @@ def refine_to(
     dtype : dtype
         float32 or float64, to compute and store in; by default the smaller one that holds every
         sample.
+    fill : bool
+        Whether global fairing fills missing samples; if not, cells with one at a corner are
+        missing.
     workers : int or concurrent.futures.Executor
         Processes, of which each computes one tile at a time.  With more than one, scripts need the
         guard ``if __name__ == "__main__":``.  An executor can be that of a dask cluster,
@@ -81,9 +93,12 @@ def refine_to(
     ValueError
         For an argument that cannot be used.
     contourfair_jax.io.InputError
-        The source cannot be read; the target cannot be written, the tiles that are done stay in
-        ``TARGET.partial``; an unfinished run is there and `resume` is not set, or it was one with
-        other settings or another input: the message names the difference.
+        The source cannot be read, or all its samples are missing, or those that are missing reach
+        too far beyond a tile to be filled; the target is the source, or lies
+        in it; it cannot be written, and then the tiles that are done stay in ``TARGET.partial``; a
+        tile does not fit into memory, or the output onto the disk; an unfinished run is there and
+        `resume` is not set, or it is damaged, or was one with other settings or another input: the
+        message names the difference.
 
     Examples
     --------
@@ -95,8 +110,11 @@ def refine_to(
     ...     np.load(f"{folder}/fine.npy").shape
     (157, 117)
     """
+    if isinstance(source, str | os.PathLike):
+        check_apart(Path(source), Path(target))
     state = Unfinished(target)
-    job = plan_job(source, factor, method, spacing, dtype)
+    job = plan_job(source, factor, method, spacing, dtype, fill)
+    check_room(job.tiling, job.dtype, job.dtype, state)
     job = replace(job, store=store_for(state.target, state.data, job.tiling, job.dtype))
     return run_job(job, state, workers, resume, memory, progress)
 
@@ -108,6 +126,7 @@ def refine_tiles(
     method: AbstractFairing | None = None,
     spacing: float | Sequence[float] = 1.0,
     dtype: Any = None,
+    fill: bool = True,
 ) -> Iterator[tuple[Slices, np.ndarray]]:
     """The tiles of `refine_to`, one after the other, to be stored or used by the caller.
 
@@ -121,8 +140,8 @@ def refine_tiles(
     Raises
     ------
     ValueError
-        For an argument that cannot be used.
+        For an argument that cannot be used, or gaps that reach too far beyond a tile to be filled.
     """
-    job = plan_job(source, factor, method, spacing, dtype)
+    job = plan_job(source, factor, method, spacing, dtype, fill)
     worker = Worker(job)
     return ((tile.region, worker.compute(tile)[0]) for tile in job.tiling)

@@ -1,8 +1,10 @@
 """Tiles: the same result however the work is cut, divided, interrupted; nothing is lost."""
 
+import json
 import os
 import random
 import resource
+import shutil
 import signal
 import socket
 import subprocess
@@ -18,7 +20,7 @@ import zarr
 from conftest import SEED
 
 import contourfair_jax as cf
-from contourfair_jax import _tile_program, tiles
+from contourfair_jax import _tile_program, _tile_room, tiles
 from contourfair_jax._tiling import Tiling
 from contourfair_jax.cli import main
 from contourfair_jax.io import Grid, InputError, read, write
@@ -90,9 +92,11 @@ def test_every_way_of_running_gives_the_same_bits(tmp_path, samples, whole):
     np.testing.assert_allclose(first, whole, rtol=0, atol=1e-13)
     np.testing.assert_array_equal(first[::2, ::2], samples)
     np.save(tmp_path / "c.npy", samples)
+    shutil.copy(tmp_path / "c.npy", tmp_path / "UPPER.NPY")
     np.save(tmp_path / "f.npy", np.asfortranarray(samples))
     sources = {
         "path.npy": tmp_path / "c.npy",
+        "upper.npy": tmp_path / "UPPER.NPY",
         "fortran.zarr": tmp_path / "f.npy",
         "map.npy": np.load(tmp_path / "c.npy", mmap_mode="r"),
         "part.npy": np.load(tmp_path / "c.npy", mmap_mode="r")[:, :],
@@ -172,6 +176,39 @@ def test_global_tiles_agree_with_the_whole(tmp_path):
     assert np.abs(fine - whole).max() < 1e-5 * np.ptp(noise)
 
 
+def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
+    noise = np.random.default_rng(SEED).standard_normal((9, 41))
+    method = cf.GlobalFairing(iterations=1)
+    narrow, wide = noise.copy(), noise.copy()
+    narrow[:, 17:19] = np.nan
+    wide[:, 14:29] = np.nan
+    source, target = tmp_path / "wide.npy", tmp_path / "fine.npy"
+    np.save(source, wide)
+    outcome = tiles.refine_to(narrow, target, 2, method=method)
+    assert (outcome.cut, outcome.missing) == (0, 0)
+    with pytest.raises(
+        InputError, match=r"reach too far beyond 2 tiles .* 0:9 x 2:23\).*fill=False"
+    ):
+        tiles.refine_to(source, target, 2, method=method)
+    with pytest.raises(InputError, match="reach too far beyond 1 tile to be filled"):
+        list(tiles.refine_tiles(wide, 2, method=method))
+    assert not np.isnan(np.load(target)).any()
+    with pytest.warns(UserWarning, match="beside gaps that reach far beyond them, 2 of 5 tiles"):
+        outcome = tiles.refine_to(source, target, 2, method=method, fill=False)
+    stored = np.load(target)
+    expected = np.zeros(stored.shape, bool)
+    expected[:, 2 * 13 + 1 : 2 * 29] = True
+    np.testing.assert_array_equal(np.isnan(stored), expected)
+    assert (outcome.cut, outcome.gaps, outcome.missing) == (2, 9 * 15, expected.sum())
+    call = ["upsample", str(source), "-o", str(tmp_path / "fine.zarr"), "-m", "global", "-f", "2"]
+    assert main([*call, "--fill"]) == 2
+    assert "leave the gaps (fill=False, no --fill)" in capsys.readouterr().err
+    assert main([*call, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["missing"] == outcome.missing
+    assert any("2 of 5 tiles have seams" in note for note in said["notes"])
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -185,6 +222,7 @@ def test_global_tiles_agree_with_the_whole(tmp_path):
         ({"workers": 0}, "workers must be an integer"),
         ({"memory": 1000}, "memory must be at least"),
         ({"method": cf.GlobalFairing(sigma=0.1)}, "method.sigma looks at the whole grid"),
+        ({"method": cf.GlobalFairing(norm=1.5)}, "method.norm below 2 weighs cells by the mean"),
         ({"method": "local"}, "method must be one of LocalFairing"),
         ({"target": "fine.tif"}, "names that end in .zarr or .npy"),
         ({"target": "absent/fine.npy"}, "there is no folder"),
@@ -197,6 +235,40 @@ def test_arguments_are_checked(tmp_path, arguments, said):
     with pytest.raises(ValueError, match=said):
         tiles.refine_to(source, target, factor, **call)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_sizes_are_checked_before_the_start(tmp_path, samples, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    target = tmp_path / "fine.npy"
+    stopped(tmp_path, samples, target)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=20000))
+    with pytest.raises(InputError, match=r"other.npy: 61 x 83 samples are 39.6 KiB, the disk has"):
+        refined(samples, tmp_path / "other.npy")
+    refined(samples, target, resume=True)  # room that is set aside already counts
+    refined(samples, tmp_path / "compressed.zarr")
+    monkeypatch.setattr(_tile_room, "physical_memory", lambda: 1000)
+    with pytest.raises(InputError, match=r"one tile at factor 2 needs .* smaller --factor"):
+        refined(samples, target)
+    assert not list(tmp_path.glob("*.partial"))
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".zarr"])
+def test_missing_samples_are_counted(tmp_path, samples, suffix):
+    values = samples.copy()
+    values[4, 3:6] = np.nan
+    values[30, 0] = -np.inf
+    target = tmp_path / f"fine{suffix}"
+    plain = tiles.refine_to(values, tmp_path / "plain.npy", 2, method=METHOD)
+    stopped(tmp_path, values, target, after=9)
+    outcome = tiles.refine_to(values, target, 2, method=METHOD, resume=True)
+    stored = np.load(target) if suffix == ".npy" else zarr.open_array(target)[:]
+    assert (outcome.gaps, outcome.missing) == (4, np.isnan(stored).sum())
+    assert outcome.missing == plain.missing > 4
+    with pytest.raises(InputError, match="every sample is missing"):
+        refined(np.full(SHAPE, np.nan), tmp_path / "nothing.npy")
+    # Infinite in the precision to compute in.
+    outcome = tiles.refine_to(5e38 * values, target, 2, dtype="f4", method=METHOD)
+    assert outcome.gaps == (~(np.abs(5e38 * values) <= np.finfo("f4").max)).sum() > 100
 
 
 def stopped(tmp_path, samples, target, after=7):
@@ -240,6 +312,34 @@ def test_other_settings_or_input_are_not_resumed(tmp_path, samples):
     np.testing.assert_array_equal(
         zarr.open_array(target)[:], refined(samples, tmp_path / "undisturbed.zarr")
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("done", lambda data: b""),
+        ("done", lambda data: data[:-1]),
+        ("done", lambda data: bytes([7]) + data[1:]),
+        ("done", None),
+        ("data.npy", lambda data: data[:-1]),
+        ("data.npy", lambda data: b"\0" * len(data)),
+        ("settings.json", lambda data: data[:9]),
+    ],
+)
+def test_a_damaged_run_is_not_resumed(tmp_path, samples, name, damage):
+    target = tmp_path / "fine.npy"
+    stopped(tmp_path, samples, target)
+    path = tmp_path / "fine.npy.partial" / name
+    data = path.read_bytes()
+    path.unlink()
+    if damage is not None:
+        path.write_bytes(damage(data))
+    for _ in range(2):
+        with pytest.raises(InputError, match=rf"{name}: .*delete .*partial to start afresh"):
+            refined(samples, target, resume=True)
+    assert not target.exists()
+    path.write_bytes(data)
+    refined(samples, target, resume=True)
 
 
 def test_a_full_disk_keeps_what_is_there(tmp_path, samples):
@@ -314,15 +414,20 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
     write(source, grid)
     call = ["upsample", str(source), "--factor", "2", "--iterations", "0", "-o"]
     assert main([*call, str(plain)]) == 0
-    assert main([*call, str(target), "--resume"]) == 0
-    assert "61 x 83 float32" in capsys.readouterr().out
+    capsys.readouterr()
+    assert main([*call, str(target), "--resume", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["shape"], said["type"]) == ([61, 83], "float32")
+    assert said["missing"] == np.isnan(read(plain).values).sum()
+    note = "missing samples: 1 of 1302 (0.1%); they and the cells beside them stay missing"
+    assert note in said["notes"]
     whole, tiled = read(plain), read(target)
     np.testing.assert_allclose(tiled.values, whole.values, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(tiled.values[::2, ::2], values)
     np.testing.assert_allclose(tiled.affine, whole.affine)
     assert "UTM zone 33N" in (tiled.crs or "") or tiled.crs == "EPSG:32633"
     assert (tiled.units, tiled.axes) == ("m", grid.axes)
-    assert main([*call, str(tmp_path / "out.npy"), "--resume", "-q"]) == 0
+    assert main([*call, str(tmp_path / "out.npy"), "--memory", "2", "-q"]) == 0
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), tiled.values)
 
 
@@ -332,6 +437,21 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
         (["in.npy", "-o", "out.png", "--resume"], "outputs in .zarr and .npy"),
         (["in.npy", "-o", "out.zarr", "--workers", "0"], "--workers must be 1 or more"),
         (["in.npy", "-o", "in.npy", "--resume"], "is the input"),
+        (["in.zarr", "-o", "in.zarr/out.zarr"], "lies in the input"),
+        (["in.npy", "-o", "out.zarr", "--key", "zz"], "there is no 'zz' to choose"),
+        (["complex.npy", "-o", "out.zarr"], "holds complex numbers"),
+        (["text.npy", "-o", "out.zarr"], "holds <U3 values"),
+        (["fields.npy", "-o", "out.zarr"], "real numbers are needed"),
+        (["days.npy", "-o", "out.zarr"], "holds timedelta64[D] values"),
+        (["complex.zarr", "-o", "out.zarr"], "holds complex numbers"),
+        (["damaged.zarr", "-o", "out.zarr"], "damaged.zarr: cannot be read as Zarr: Zstd"),
+        (["huge.zarr", "-o", "out.zarr"], "the disk has room for"),
+        (["huge.zarr", "-o", "out.npy", "--workers", "2"], "the disk has room for"),
+        (["bomb.zarr", "-o", "out.zarr"], "has chunks of 2.2 GiB for 400 bytes"),
+        (["in.npy", "-o", "out.zarr", "-f", "1000000"], "take a smaller --factor"),
+        (["gap.npy", "-o", "out.zarr"], "every sample is missing"),
+        (["in.npy", "-o", "out.zarr", "--memory", "0.1"], "memory must be at least"),
+        (["in.npy", "-o", "out.png", "--memory", "1"], "outputs in .zarr and .npy"),
         (["absent.zarr", "-o", "out.zarr"], "there is no such file"),
         (["bad.zarr", "-o", "out.zarr"], "cannot be read as Zarr"),
         (["row.npy", "-o", "out.zarr"], "fairing needs at least 3"),
@@ -343,6 +463,17 @@ def test_bad_calls_end_in_one_line(tmp_path, samples, monkeypatch, capsys, argum
     monkeypatch.chdir(tmp_path)
     np.save("in.npy", samples)
     np.save("row.npy", samples[:1])
+    np.save("complex.npy", samples + 1j)
+    np.save("text.npy", samples.astype("U3"))
+    np.save("fields.npy", np.zeros(samples.shape, [("a", "f4"), ("b", "i4")]))
+    np.save("days.npy", samples.astype("m8[D]"))
+    for name, values in {"in.zarr": samples, "complex.zarr": samples + 1j}.items():
+        zarr.create_array(name, data=values, chunks=(16, 16))
+    shutil.copytree("in.zarr", "damaged.zarr")
+    Path("damaged.zarr/c/1/1").write_bytes(Path("in.zarr/c/1/1").read_bytes()[:20])
+    zarr.create_array("huge.zarr", shape=(10**9, 10**9), chunks=(10, 10), dtype="f8")
+    zarr.create_array("bomb.zarr", shape=(10, 10), chunks=(20000, 30000), dtype="f4")
+    np.save("gap.npy", np.full(SHAPE, np.nan))
     Path("short.npy").write_bytes(Path("in.npy").read_bytes()[:500])
     Path("bad.zarr").mkdir()
     Path("bad.zarr/zarr.json").write_text("{")
@@ -350,7 +481,7 @@ def test_bad_calls_end_in_one_line(tmp_path, samples, monkeypatch, capsys, argum
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert said in lines[0]
-    assert not list(tmp_path.glob("out*"))
+    assert not list(tmp_path.rglob("out*"))
 
 
 def start(source, target, pause, cache):

@@ -105,4 +105,4 @@ def tables(result: Result) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(child(*sys.argv[1:3], tuple(map(int, sys.argv[3:])))))
+    print(json.dumps(child(sys.argv[1], sys.argv[2], tuple(map(int, sys.argv[3:])))))

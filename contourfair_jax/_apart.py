@@ -1,5 +1,6 @@
 """Inputs are never written to."""
 
+import os
 from pathlib import Path
 
 from .io import InputError
@@ -13,10 +14,11 @@ def check_apart(source: Path, target: Path) -> None:
     InputError
         It is, or does.
     """
-    if not source.exists():
+    # Of names that are too long `Path.exists` raises.
+    if not os.path.exists(source):
         return
     read, written = source.resolve(), target.resolve()
-    if read == written or (target.exists() and source.samefile(target)):
+    if read == written or (os.path.exists(target) and source.samefile(target)):
         raise InputError(f"{target}: is the input; write to another file")
     if read in written.parents:
         raise InputError(f"{target}: lies in the input {source}; write to another folder")

@@ -1,6 +1,7 @@
 """Where the samples of a fit lie; checks of data about them."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -73,7 +74,7 @@ def check_finite(array: ArrayLike, name: str) -> None:
 
 def check_real_kind(array: ArrayLike, name: str) -> None:
     """Raise ValueError for what are no real numbers."""
-    dtype = array.dtype if hasattr(array, "dtype") else np.asarray(array).dtype
+    dtype = array.dtype if isinstance(array, jax.Array) else np.asarray(array).dtype
     if not (jnp.issubdtype(dtype, np.floating) or dtype.kind in "iub"):
         raise ValueError(f"{name} must be real numbers, got {dtype}")
 

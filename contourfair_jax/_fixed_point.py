@@ -64,12 +64,12 @@ def _solve(matvec: Callable, rhs: Float[Array, " n"], tolerance: float) -> Float
     """Solve with an operator that is not symmetric, by BiCGStab; NaN if that fails."""
     # Written out: JAX cannot transpose the rule of its own `bicgstab` inside another linear solve,
     # and that of lineax takes negative steps for a breakdown in float32.
-    size = jnp.linalg.norm(rhs)
+    size = _norm(rhs)
     first = rhs / jnp.where(size > 0, size, 1)
 
     def unfinished(carry: tuple) -> Array:
         _, residual, _, _, steps = carry
-        return (jnp.linalg.norm(residual) > tolerance) & (steps < MOST_STEPS)
+        return (_norm(residual) > tolerance) & (steps < MOST_STEPS)
 
     def advance(carry: tuple) -> tuple:
         value, residual, direction, along, steps = carry
@@ -87,5 +87,9 @@ def _solve(matvec: Callable, rhs: Float[Array, " n"], tolerance: float) -> Float
 
     start = jnp.zeros_like(first), first, first, jnp.vdot(first, first), 0
     value = jax.lax.while_loop(unfinished, advance, start)[0]
-    error = jnp.linalg.norm(first - matvec(value))
+    error = _norm(first - matvec(value))
     return jnp.where(error <= max(WORST_RESIDUAL, tolerance), value * size, jnp.nan)
+
+
+def _norm(x: Float[Array, " n"]) -> Float[Array, ""]:
+    return jnp.sqrt(jnp.vdot(x, x))

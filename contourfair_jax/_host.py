@@ -36,7 +36,7 @@ class HostField:
     @classmethod
     def of(cls, field: BezierField) -> "HostField":
         """The net of a field, widened; ValueError for one that is not known."""
-        return cls(known(field).control_points.astype(np.float64))
+        return cls(np.asarray(known(field).control_points).astype(np.float64))
 
     @property
     def ndim(self) -> int:
@@ -115,7 +115,7 @@ class HostField:
 
 
 def known(field: BezierField) -> BezierField:
-    """The field with NumPy arrays, also of one that is being differentiated.
+    """The field with known arrays, also of one that is being differentiated.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def known(field: BezierField) -> BezierField:
             "by jax.jit or jax.vmap; find them outside, and follow them inside with "
             "contourfair_jax.geometry"
         )
-    return jax.tree.map(np.asarray, field)
+    return field
 
 
 def lattice_values(fours: np.ndarray, factor: int) -> np.ndarray:

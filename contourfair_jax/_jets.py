@@ -30,7 +30,12 @@ def jets(
         jnp.pad(x, ((0, batches * size - count), (0, 0)), mode="edge").reshape(batches, size, -1)
         for x in (cells, t)
     )
-    parts = jax.lax.map(lambda place: _jets_at_once(net, *place, order, _written_out), places)
+
+    def evaluate(place: tuple[Array, ...]) -> list[Array]:
+        cells, t = place
+        return _jets_at_once(net, cells, t, order, _written_out)
+
+    parts = jax.lax.map(evaluate, places)
     return [part.reshape(batches * size, -1)[:count] for part in parts]
 
 

@@ -16,7 +16,7 @@ from ._method import AbstractFairing
 
 
 def _hashable(spacing: float | Sequence[float]) -> float | tuple[float, ...]:
-    return spacing if np.ndim(spacing) == 0 else tuple(np.asarray(spacing).tolist())
+    return tuple(np.asarray(spacing).tolist()) if np.ndim(spacing) else spacing  # pyright: ignore
 
 
 class FairUpsample(eqx.Module):

@@ -61,7 +61,7 @@ def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]
             "take a slice of the samples, or the isosurface"
         )
     spacing, origin = (np.asarray(x, dtype=np.float64) for x in (field.spacing, field.origin))
-    return field.control_points, spacing, origin
+    return np.asarray(field.control_points), spacing, origin
 
 
 def check_levels(levels: Levels, infinite: bool = False) -> np.ndarray:

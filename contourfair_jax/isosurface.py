@@ -156,7 +156,7 @@ def isosurface(
     chosen = check_levels(level)
     tolerance = check_tolerance(tolerance)
     field = known(field)
-    net = field.control_points
+    net = np.asarray(field.control_points)
     traced = float(chosen[0]) + values_of(net).shift(16)
     host = HostField(net.astype(np.float64))
     finite = np.abs(host.net[np.isfinite(host.net)])

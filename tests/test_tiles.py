@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -484,63 +485,70 @@ def test_bad_calls_end_in_one_line(tmp_path, samples, monkeypatch, capsys, argum
     assert not list(tmp_path.rglob("out*"))
 
 
-def start(source, target, pause, cache):
-    """A process that refines, with a compile cache so that it starts at once."""
-    command = [sys.executable, str(WORKER), "refine", str(source), str(target), str(pause)]
+def start(source, target, workers, cache):
+    """A process that refines slowly, with a compile cache; it is about to when this returns."""
+    command = [sys.executable, str(WORKER), "refine", str(source), str(target), str(workers)]
     settings = environment(
         JAX_COMPILATION_CACHE_DIR=str(cache), JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS="0"
     )
-    return subprocess.Popen(
+    process = subprocess.Popen(
         command,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env=settings,
     )
+    assert process.stdout.readline() == "begins\n"
+    return process
 
 
-def killed_and_resumed(tmp_path, samples, suffix, kills):
-    """Kill a run at random moments, let the last one end; the number of times it was killed."""
-    source, target = tmp_path / "source.npy", tmp_path / f"fine{suffix}"
-    np.save(source, samples)
-    np.save(tmp_path / "earlier.npy", np.zeros(3))
-    chance = random.Random(SEED)
-    count, total = 0, 24
-    for k in range(kills):
-        process = start(source, target, 0.01, tmp_path / "cache")
-        goal = min(total - 1, (k + 1) * total // (kills + 1))
-        for line in process.stdout:
-            if int(line) >= goal:
-                break
-        try:
-            process.wait(chance.uniform(0, 0.03))
-        except subprocess.TimeoutExpired:
-            process.kill()
-            count += 1
-        process.communicate()
-        assert not target.exists() or process.returncode == 0
-    process = start(source, target, 0, tmp_path / "cache")
-    _, said = process.communicate()
+def ended(process):
+    """Wait for a process that is left to end."""
+    _, said = process.communicate(timeout=200)
     assert process.returncode == 0, said
-    return count, target
 
 
 @pytest.mark.parametrize(
-    ("suffix", "kills"),
+    ("suffix", "workers", "kills"),
     [
-        (".zarr", 3),
-        pytest.param(".zarr", 25, marks=pytest.mark.slow),
-        pytest.param(".npy", 25, marks=pytest.mark.slow),
+        (".zarr", 1, 3),
+        pytest.param(".zarr", 1, 25, marks=pytest.mark.slow),
+        pytest.param(".npy", 1, 25, marks=pytest.mark.slow),
+        pytest.param(".zarr", 2, 6, marks=pytest.mark.slow),
     ],
 )
-def test_kills_lose_nothing(tmp_path, samples, suffix, kills, record_property):
-    count, target = killed_and_resumed(tmp_path, samples, suffix, kills)
-    stored = np.load(target) if suffix == ".npy" else zarr.open_array(target)[:]
+def test_kills_lose_nothing(tmp_path, samples, suffix, workers, kills, record_property):
+    """Killed at any time from the making of the output to its last renaming, then resumed."""
+    source, target = tmp_path / "source.npy", tmp_path / f"fine{suffix}"
+    np.save(source, samples)
     undisturbed = refined(samples, tmp_path / f"undisturbed{suffix}")
-    np.testing.assert_array_equal(stored, undisturbed)
-    assert not [path for path in tmp_path.rglob("*") if "partial" in path.name]
+
+    def check():
+        stored = np.load(target) if suffix == ".npy" else zarr.open_array(target)[:]
+        np.testing.assert_array_equal(stored, undisturbed)
+
+    ended(start(source, tmp_path / f"first{suffix}", workers, tmp_path / "cache"))
+    process, began = start(source, target, workers, tmp_path / "cache"), time.monotonic()
+    ended(process)
+    span = time.monotonic() - began
+    check()
+    chance, count = random.Random(SEED), 0
+    while count < kills:
+        process = start(source, target, workers, tmp_path / "cache")
+        try:
+            process.wait(chance.uniform(0, span))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            count += 1
+            process.communicate()
+        else:  # it was faster: the next one starts afresh
+            ended(process)
+            check()
+            shutil.rmtree(target) if target.is_dir() else target.unlink()
+    ended(start(source, target, workers, tmp_path / "cache"))
+    check()
+    assert not list(tmp_path.rglob("*partial*"))
     record_property("kills", count)
-    assert count >= min(kills, 20)
 
 
 @pytest.fixture
@@ -560,7 +568,7 @@ def on_mesh(tmp_path, samples, what):
 def test_four_devices_agree_with_one(tmp_path, samples, four_devices):
     devices, from_tiles, from_whole = on_mesh(tmp_path, samples, "values")
     assert devices == 4
-    assert from_tiles < 1e-13
+    assert from_tiles == 0
     assert from_whole < 1e-13
 
 

@@ -24,29 +24,48 @@ SMALL = ("small", "local")
 OTHERS = [(k, m) for k in hang_worker.KINDS for m in METHODS if (k, m) != SMALL]
 
 
-def finish(kind: str, method: str, jax_folder: Path | None = None) -> str:
-    """The version of JAX under which the worker finished; fails if it did not."""
+def finish(kind: str, method: str, jax_folder: Path | None = None, processes: int = 1) -> str:
+    """The version of JAX under which the worker finished, in so many processes at once.
+
+    Fails if one did not.
+    """
     folders = [str(ROOT)] if jax_folder is None else [str(jax_folder), str(ROOT)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
-    try:
-        done = subprocess.run(
-            [sys.executable, str(WORKER), kind, method],
-            env=environment,
-            timeout=LIMIT,
-            capture_output=True,
-            text=True,
+    command = [sys.executable, str(WORKER), kind, method]
+    running = [
+        subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
+        for _ in range(processes)
+    ]
+    versions = set()
+    try:
+        for process in running:
+            said, errors = process.communicate(timeout=LIMIT)
+            assert process.returncode == 0, errors
+            word, version = said.split()
+            assert word == "done"
+            versions.add(version)
     except subprocess.TimeoutExpired:
         pytest.fail(f"{method} fairing ({kind}) still ran after {LIMIT} s: it hangs")
-    assert done.returncode == 0, done.stderr
-    word, version = done.stdout.split()
-    assert word == "done"
+    finally:
+        for process in running:
+            process.kill()
+            process.communicate()
+    (version,) = versions
     return version
 
 
 @pytest.mark.timeout(LIMIT + 30)
 def test_default_path_does_not_hang():
     assert finish(*SMALL) == jax.__version__
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(2 * LIMIT + 30)
+@pytest.mark.parametrize("method", METHODS)
+def test_two_processes_at_once_do_not_hang(method):
+    assert finish("small", method, processes=2) == jax.__version__
 
 
 @pytest.mark.slow

@@ -21,14 +21,16 @@ SMALL = {
 METHOD = cf.LocalFairing(iterations=0)
 
 
-def refine(source, target, pause):
-    """Refine slowly enough to be killed on the way; say how many tiles are done."""
+def refine(source, target, workers):
+    """Refine slowly enough to be killed on the way; say when it begins."""
 
     def progress(done, total):
-        print(done, flush=True)
-        time.sleep(float(pause))
+        time.sleep(0.02)
 
-    tiles.refine_to(source, target, 2, method=METHOD, resume=True, progress=progress)
+    print("begins", flush=True)
+    tiles.refine_to(
+        source, target, 2, method=METHOD, workers=int(workers), resume=True, progress=progress
+    )
 
 
 def mesh(path, what):
@@ -49,11 +51,17 @@ def mesh(path, what):
         )
     else:
         ours, theirs = sharded(values), whole(values)
-        tiled = np.zeros(ours.shape)
-        for region, part in tiles.refine_tiles(values, 2, method=METHOD):
-            tiled[region] = part
+        tiled = from_tiles(values)
         print(len(ours.sharding.device_set), float(np.abs(np.asarray(ours) - tiled).max()))
     print(float(np.abs(np.asarray(ours) - np.asarray(theirs)).max()))
+
+
+def from_tiles(values):
+    """The same, from one device after the other."""
+    tiled = np.zeros([2 * n - 1 for n in values.shape])
+    for region, part in tiles.refine_tiles(values, 2, method=METHOD):
+        tiled[region] = part
+    return tiled
 
 
 def pair(path, port, number):
@@ -62,8 +70,10 @@ def pair(path, port, number):
     values = np.load(path)
     grid = Mesh(np.array(jax.devices()), ("rows",))
     fine = tiles.refine_sharded(values, 2, grid, method=METHOD)
+    tiled = from_tiles(values)
     plain = np.asarray(cf.fair_field(values, method=METHOD).refine(2))
     for shard in fine.addressable_shards:
+        np.testing.assert_array_equal(shard.data, tiled[shard.index])
         np.testing.assert_allclose(shard.data, plain[shard.index], atol=1e-12)
     print("equal", len(jax.devices()), len(jax.local_devices()))
 

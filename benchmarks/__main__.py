@@ -30,6 +30,7 @@ from benchmarks import (
     reliability,
     report,
     robustness,
+    seams,
     surfaces,
     table2,
     targets,
@@ -77,6 +78,7 @@ BENCHMARKS = {
     "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),
     "gpu": Benchmark(gpu.run, gpu.tables, gpu.X64, "Times on a GPU; --short."),
     "tiles": Benchmark(tiles.run, tiles.tables, False, "Larger than memory; --size."),
+    "seams": Benchmark(seams.run, seams.tables, seams.X64, "Tiles against the whole grid."),
     "reliability": Benchmark(
         reliability.run, reliability.tables, True, "Kills and damaged files survived (minutes)."
     ),

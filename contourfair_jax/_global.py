@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import _check, _noise
+from ._continue import LARGEST_DEGREE, LAYERS, continue_samples
 from ._fixed_point import fixed_point
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cells_to_row, row_to_cells, to_net
@@ -78,6 +79,11 @@ class GlobalFairing(AbstractFairing):
         rounded to multiples of s it is `s / sqrt(12)`.
     cell_weights : array, shape (n_1 - 1, ..., n_d - 1), or None
         Weight of the energy in every cell, above zero.
+    border_degree : int
+        Continue the samples by polynomials of this degree, 1 to 5, a little beyond the border of
+        the grid, from the nearest samples of each line.  0 leaves the energy free there, which is
+        best for rough and for noisy samples.  4 is for smooth ones, whose error is else by far the
+        largest at the border.
     limit : bool
         Remove overshoot: every cell stays between the smallest and the largest of its own
         samples.  Samples and C1 are kept, fairness is not.
@@ -117,6 +123,7 @@ class GlobalFairing(AbstractFairing):
     norm: float | Float[Array, ""] = 2.0
     sigma: float | Float[Array, "*shape"] | None = None
     cell_weights: Float[Array, "*cells"] | None = None
+    border_degree: int = eqx.field(static=True, default=0)
     limit: bool = eqx.field(static=True, default=False)
     coarse_grids: bool | None = eqx.field(static=True, default=None)
     tolerance: float = eqx.field(static=True, default=1e-4)
@@ -130,6 +137,7 @@ class GlobalFairing(AbstractFairing):
             _check.check_count(self.iterations, 1, "iterations")
         _check.check_real(self.coherence, "coherence", most=LARGEST_COHERENCE)
         _check.check_count(self.sharpness, 1, "sharpness")
+        _check.check_count(self.border_degree, 0, "border_degree", most=LARGEST_DEGREE)
         _check.check_real(self.tension, "tension")
         _check.check_real(self.smoothness, "smoothness")
         _check.check_real(self.norm, "norm", least=1.0, most=2.0)
@@ -139,6 +147,25 @@ class GlobalFairing(AbstractFairing):
         _check.check_count(self.max_steps, 1, "max_steps")
 
     def fit(self, values, spacing):
+        if self.border_degree == 0:
+            return self._fit(values, spacing)
+        known = jnp.zeros((), values.dtype) if self.sigma is None else self.sigma
+        variances = jnp.broadcast_to(jnp.asarray(known, values.dtype) ** 2, values.shape)
+        wide = continue_samples(values, variances, self.border_degree)
+        weights = self.cell_weights
+        method = dataclasses.replace(
+            self,
+            border_degree=0,
+            sigma=None if self.sigma is None else jnp.sqrt(wide.variances),  # pyright: ignore
+            cell_weights=None if weights is None else jnp.pad(weights, LAYERS, mode="edge"),
+        )
+        net, report = method._fit(wide.values, spacing)
+        missing = jnp.isnan(values)
+        inside = tuple(slice(3 * LAYERS, -3 * LAYERS) for _ in values.shape)
+        return net[inside], dataclasses.replace(report, filled=missing)
+
+    def _fit(self, values: Array, spacing: Array) -> tuple[Array, FitReport]:
+        """`fit` with the energy free at the border."""
         shape, ndim = values.shape, values.ndim
         spacing = spacing / jnp.min(spacing)
         missing = jnp.isnan(values)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,20 +14,36 @@ from jaxtyping import Array, Float, Int
 from . import _check
 from ._global import GlobalFairing
 
-# Settings that are tried: thin plate weight, sharpness, tension, smoothness, norm.  Thin plate
-# (weight 1) is for terrain, its tension for noise; smoothness is for what is analytic; small
-# weights are for ridges, with tension along them for jagged edges.  Power 1 of the energy is
-# better than 2 on nearly all data.
+
+
+class Candidate(NamedTuple):
+    """Settings that are tried."""
+
+    thin_plate_weight: float
+    sharpness: int
+    tension: float
+    smoothness: float
+    norm: float
+    border_degree: int = 0
+
+
+# Thin plate (weight 1) is for terrain, its tension for noise; smoothness is for what is analytic,
+# with a continued border and nothing else for what is really smooth; small weights are for ridges,
+# with tension along them for jagged edges.  Power 1 of the energy is better than 2 on nearly all
+# other data.
 CANDIDATES = (
-    (1.0, 1, 0.0, 0.0, 1.0),
-    (1.0, 1, 300.0, 0.0, 1.0),
-    (0.3, 1, 20.0, 0.0, 1.0),
-    (0.05, 1, 20.0, 0.0, 1.0),
-    (0.05, 1, 0.0, 0.12, 1.0),
-    (0.01, 2, 0.0, 0.0, 1.0),
-    (0.003, 2, 0.0, 0.0, 1.0),
-    (0.003, 2, 20.0, 0.0, 1.0),
-    (0.001, 2, 1000.0, 0.0, 2.0),
+    Candidate(1.0, 1, 0.0, 0.0, 1.0),
+    Candidate(1.0, 1, 300.0, 0.0, 1.0),
+    Candidate(0.3, 1, 20.0, 0.0, 1.0),
+    Candidate(0.05, 1, 20.0, 0.0, 1.0),
+    Candidate(0.05, 1, 0.0, 0.12, 1.0),
+    Candidate(0.01, 2, 0.0, 0.0, 1.0),
+    Candidate(0.003, 2, 0.0, 0.0, 1.0),
+    Candidate(0.003, 2, 20.0, 0.0, 1.0),
+    Candidate(0.001, 2, 1000.0, 0.0, 2.0),
+    Candidate(1.0, 1, 0.0, 0.01, 2.0, 4),
+    Candidate(1.0, 1, 0.0, 0.04, 2.0, 4),
+    Candidate(1.0, 1, 0.0, 0.2, 2.0, 4),
 )
 COHERENCE = 1.2
 
@@ -94,23 +111,26 @@ def tune(
     odd = int(jnp.sum(known & _colours(values.shape).astype(bool)))
     dropped = (int(4 * odd >= int(jnp.sum(known))),)
     errors = np.empty(len(CANDIDATES))
-    for sharpness in sorted({candidate[1] for candidate in CANDIDATES}):
-        rows = [k for k, candidate in enumerate(CANDIDATES) if candidate[1] == sharpness]
+    groups = sorted({(each.sharpness, each.border_degree) for each in CANDIDATES})
+    for sharpness, degree in groups:
+        rows = [
+            k
+            for k, each in enumerate(CANDIDATES)
+            if (each.sharpness, each.border_degree) == (sharpness, degree)
+        ]
         # What is smooth over the wide gaps of cross-validation need not be over the gaps between
         # all samples: smoothness s has to lower the error by more than s of it.
-        settings = jnp.asarray([CANDIDATES[k] for k in rows], values.dtype)
-        handicap = 1 + settings[:, 3]
-        errors[rows] = _errors(values, spacing, settings, sharpness, dropped) * handicap
-    weight, sharpness, tension, smoothness, norm = CANDIDATES[int(np.argmin(errors))]
-    return GlobalFairing(
-        thin_plate_weight=weight,
-        sharpness=sharpness,
-        tension=tension,
-        smoothness=smoothness,
-        norm=norm,
-        coherence=COHERENCE,
-        sigma=sigma,  # pyright: ignore
-    )
+        settings = jnp.asarray([_real(CANDIDATES[k]) for k in rows], values.dtype)
+        handicap = 1 + np.array([CANDIDATES[k].smoothness for k in rows])
+        found = _errors(values, spacing, settings, sharpness, degree, dropped)
+        errors[rows] = np.asarray(found) * handicap
+    best = CANDIDATES[int(np.argmin(errors))]
+    return GlobalFairing(**best._asdict(), coherence=COHERENCE, sigma=sigma)  # pyright: ignore
+
+
+def _real(candidate: Candidate) -> list[float]:
+    """The settings that may be traced."""
+    return [candidate.thin_plate_weight, candidate.tension, candidate.smoothness, candidate.norm]
 
 
 def cross_validation_error(
@@ -149,12 +169,13 @@ def _colours(shape: tuple[int, ...]) -> Int[Array, "*shape"]:
     return jnp.asarray(np.indices(shape).sum(axis=0) % 2)
 
 
-@partial(jax.jit, static_argnames=("sharpness", "colours"))
+@partial(jax.jit, static_argnames=("sharpness", "border_degree", "colours"))
 def _errors(
     values: Array,
     spacing: Array,
-    settings: Float[Array, "candidates five"],
+    settings: Float[Array, "candidates four"],
     sharpness: int,
+    border_degree: int,
     colours: tuple[int, ...],
 ) -> Float[Array, " candidates"]:
     """Cross-validation errors of many settings, one after the other in one program."""
@@ -162,11 +183,12 @@ def _errors(
     def error(setting: Array) -> Array:
         method = GlobalFairing(
             thin_plate_weight=setting[0],
-            tension=setting[2],
-            smoothness=setting[3],
-            norm=setting[4],
+            tension=setting[1],
+            smoothness=setting[2],
+            norm=setting[3],
             coherence=COHERENCE,
             sharpness=sharpness,
+            border_degree=border_degree,
             iterations=ITERATIONS,
             tolerance=TOLERANCE,
             max_steps=MAX_STEPS,

@@ -157,6 +157,82 @@ def test_coarea_leaves_missing_samples_out(bowl):
     assert metrics.coarea(beside).length == pytest.approx(metrics.coarea(bowl).length)
 
 
+def radii(low, high, size):
+    """Distances from the origin on a cube away from it, and the field of them."""
+    x = np.linspace(low, high, size)
+    samples = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    return catmull_rom(samples, (high - low) / (size - 1), low)
+
+
+def test_surface_coarea_of_spheres():
+    """Of `|x|^2` on [1, 2]^3, exactly, as one cell: `|grad f| = 2 r` and H = 1 / r."""
+    square = np.array([1, 5 / 3, 8 / 3, 4])
+    net = square[:, None, None] + square[:, None] + square
+    field = BezierField(jnp.asarray(net), jnp.ones(3), jnp.ones(3))
+    at, weights = np.polynomial.legendre.leggauss(12)
+    at, weights = 1.5 + at / 2, weights / 2
+    radius = np.sqrt(at[:, None, None] ** 2 + at[:, None] ** 2 + at**2)
+    found = metrics.surface_coarea(field, order=6)
+    area, bending = (np.einsum("ijk,i,j,k", q, *[weights] * 3) for q in (2 * radius, 2 / radius))
+    assert [found.area, found.bending] == pytest.approx([area, bending], rel=1e-8)
+
+
+def test_surface_coarea_of_a_shell():
+    """Of cells between two spheres: the integral over their levels of 4 pi r^2, and of 4 pi."""
+    field = radii(-1.0, 1.0, 41)
+    inner, outer = 0.3, 0.95
+
+    def between(low, high):
+        net = np.asarray(field.control_points)
+        low_cell, high_cell = (np.asarray(bound) for bound in field.bounds())
+        left_out = (low_cell < low) | (high_cell > high)
+        for axis in range(3):
+            left_out = left_out.repeat(3, axis)
+        kept = net.copy()
+        kept[:-1, :-1, :-1][left_out] = np.nan
+        return BezierField(jnp.asarray(kept), field.spacing, field.origin)
+
+    shell = between(inner, outer)
+    sums = metrics.surface_coarea(shell)
+    inside = np.isfinite(np.asarray(shell.bounds()[0]))
+    centres = np.linspace(-0.975, 0.975, 40)
+    radius = np.sqrt(centres[:, None, None] ** 2 + centres[:, None] ** 2 + centres**2)[inside]
+    assert sums.area == pytest.approx(inside.sum() * 0.05**3, rel=1e-3)
+    assert sums.bending == pytest.approx((0.05**3 / radius**2).sum(), rel=2e-2)
+    # Most of what lies between the spheres is in these cells.
+    assert 0.7 < sums.area / (4 / 3 * np.pi * (outer**3 - inner**3)) < 1
+    assert 0.7 < sums.bending / (4 * np.pi * (outer - inner)) < 1
+
+
+def test_surface_coarea_is_the_sum_over_levels():
+    x = np.linspace(-1, 1, 9)
+    samples = np.exp(-(x[:, None, None] ** 2) - 1.5 * x[:, None] ** 2 - 0.5 * x**2)
+    field = catmull_rom(samples, np.array([0.5, 0.6, 0.7]), 1.0)
+    low, high = float(samples.min()), float(samples.max())
+    levels = low + (high - low) * (np.arange(40) + 0.5) / 40
+    each = [metrics.surface_metrics(field.isosurface(level, 0.02)) for level in levels.tolist()]
+    found = metrics.surface_coarea(field)
+    width = (high - low) / len(levels)
+    assert sum(one.area for one in each) * width == pytest.approx(found.area, rel=0.01)
+    assert sum(one.bending for one in each) * width == pytest.approx(found.bending, rel=0.03)
+
+
+def test_coarea_works_in_slabs(bowl, monkeypatch):
+    fields = catmull_rom(samples_of("noise", GRID)), radii(0.0, 1.0, 5)
+    whole = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
+    monkeypatch.setattr("contourfair_jax._coarea._POINTS", 1)
+    parts = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
+    for one, other in zip(whole, parts, strict=True):
+        assert list(vars(one).values()) == pytest.approx(list(vars(other).values()), rel=1e-12)
+
+
+def test_coarea_is_of_one_dimension(bowl):
+    with pytest.raises(ValueError, match=r"field must be 2-D .* surface_coarea"):
+        metrics.coarea(radii(0.0, 1.0, 4))
+    with pytest.raises(ValueError, match=r"field must be 3-D .* take coarea"):
+        metrics.surface_coarea(bowl)
+
+
 # Overshoot and jumps -----------------------------------------------------------------------
 
 

@@ -172,7 +172,7 @@ def _changes(
     plain: BezierField, field: BezierField, levels: Sequence[float], moved: Step
 ) -> list[Any]:
     """Where parts merge and split; of contours only."""
-    from ._compare import changes
+    from ._changes import changes
 
     return changes(plain, field, levels, moved) if field.ndim == 2 else []
 

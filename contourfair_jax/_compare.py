@@ -1,6 +1,6 @@
 """Bilinear interpolation beside the fair field: contours, parts that merge and split."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -8,45 +8,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._bilinear import refine_linearly
-from ._cells import cells_with_values
-from ._components import components
+from ._changes import Change, changes
 from ._fair import fair_field
 from ._field import BezierField
 from ._lengths import LevelMetrics, level_metrics
 from ._method import AbstractFairing
 from ._tracing import Levels, check_levels
 
-_FACTOR = 4
 # Changes that are printed.
 _LISTED = 10
-
-
-@dataclass(frozen=True)
-class Change:
-    """Parts above (or below) a level that the fair field joins or separates.
-
-    Parameters
-    ----------
-    level : float
-    kind : str
-        "merged" or "split", going from bilinear to fair.
-    side : str
-        "above" or "below": summits and ridges, or basins and valleys.
-    parts : int
-        How many parts became one, or one became.
-    position : tuple of float
-        The extreme sample of the smallest of these parts.
-    """
-
-    level: float
-    kind: str
-    side: str
-    parts: int
-    position: tuple[float, float]
-
-    def __str__(self) -> str:
-        where = ", ".join(f"{x:g}" for x in self.position)
-        return f"level {self.level:g}, {self.side}: {self.parts} parts {self.kind} at ({where})"
 
 
 @dataclass(frozen=True)
@@ -133,61 +103,3 @@ def bilinear_field(field: BezierField) -> BezierField:
 
 def _figures(metrics: LevelMetrics) -> tuple:
     return metrics.length, metrics.turning, metrics.bending, metrics.components, metrics.holes
-
-
-def changes(
-    plain: BezierField,
-    field: BezierField,
-    levels: Sequence[float],
-    step: Callable[[], None] = lambda: None,
-) -> list[Change]:
-    """Parts of the bilinear field that the fair one merges and splits, where both have values.
-
-    Both are followed on a refined grid.  The bilinear one is the same on any; halved cells have
-    points within, which say that a cell has no values where all of its samples do.
-
-    `step` is called after each level.
-    """
-    samples = np.asarray(field.samples, dtype=np.float64)
-    valid = np.logical_and(
-        *(cells_with_values(np.asarray(each.control_points)) for each in (plain, field))
-    )
-    coarse, finer = _refined(plain, 2, valid), _refined(field, _FACTOR, valid)
-    found = []
-    for level in levels:
-        for side, sign in (("above", 1.0), ("below", -1.0)):
-            before = components(sign * coarse, sign * level)[::2, ::2]
-            after = components(sign * finer, sign * level)[::_FACTOR, ::_FACTOR]
-            for kind, one, other in (("merged", before, after), ("split", after, before)):
-                for parts, at in _joined(one, other, sign * samples):
-                    place = np.asarray(field.origin) + np.asarray(field.spacing) * at
-                    found.append(Change(level, kind, side, parts, tuple(place.tolist())))
-        step()
-    return found
-
-
-def _refined(field: BezierField, factor: int, valid: np.ndarray) -> np.ndarray:
-    """The field on a finer grid, NaN away from the valid cells."""
-    values = np.asarray(field.refine(factor), dtype=np.float64)
-    inside = valid.repeat(factor, 0).repeat(factor, 1)
-    near = np.full(values.shape, False)
-    for rows in (slice(1, None), slice(-1)):
-        for columns in (slice(1, None), slice(-1)):
-            near[rows, columns] |= inside
-    return np.where(near, values, np.nan)
-
-
-def _joined(parts: np.ndarray, whole: np.ndarray, samples: np.ndarray) -> list[tuple]:
-    """Members of `whole` with several `parts`: how many, and the highest sample of the smallest."""
-    inside = (parts >= 0) & (whole >= 0)
-    if not inside.any():
-        return []
-    pairs, sizes = np.unique(np.stack([whole[inside], parts[inside]]), axis=1, return_counts=True)
-    joined = []
-    number, count = np.unique(pairs[0], return_counts=True)
-    for k in number[count > 1].tolist():
-        members = np.flatnonzero(pairs[0] == k)
-        smallest = pairs[1, members[np.argmin(sizes[members])]]
-        where = np.where((parts == smallest) & (whole == k), samples, -np.inf)
-        joined.append((len(members), np.array(np.unravel_index(where.argmax(), where.shape))))
-    return joined

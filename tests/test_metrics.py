@@ -288,6 +288,27 @@ def test_components_agree_with_a_fine_grid(level, rng):
     )
 
 
+def test_components_of_volumes_agree_with_a_fine_grid():
+    """Cell by cell; of every other one two opposite corners meet, if at all, in the middle."""
+    from scipy.ndimage import label
+
+    rng = np.random.default_rng(0)  # of other cells a finer grid may be needed
+    at = np.linspace(0, 1, 41)
+    weights = np.stack([1 - at, at], axis=1)
+    meetings = 0
+    for trial in range(200):
+        corners = rng.normal(size=(2, 2, 2)) * rng.uniform(0.05, 1, size=(2, 2, 2))
+        if trial % 2:
+            corners = -np.abs(corners)
+            corners[0, 0, 0], corners[1, 1, 1] = rng.uniform(0.2, 1.5, 2)
+        fine = np.einsum("ai,bj,ck,ijk->abc", *[weights] * 3, corners)
+        truth, found = label(fine > 0)[0][::40, ::40, ::40] - 1, components(corners + 7, 7.0)
+        both = np.unique(np.stack([truth.ravel(), found.ravel()]), axis=1)
+        assert len(both.T) == len(np.unique(found)) == len(np.unique(truth))
+        meetings += trial % 2 and found.max() == 0
+    assert 10 < meetings < 90
+
+
 def test_a_thin_ridge_is_joined():
     case = cases.ANALYTIC["ridge"]
     found = metrics.compare(case.samples(), spacing=case.spacing, origin=-1.0)

@@ -80,12 +80,10 @@ def _refined(field: BezierField, factor: int, valid: np.ndarray) -> np.ndarray:
     values = np.asarray(field.refine(factor), dtype=np.float64)
     near = valid
     for axis in range(values.ndim):
-        near = near.repeat(factor, axis)
-        width = [(int(k == axis), int(k == axis)) for k in range(values.ndim)]
-        near = np.pad(near, width)
-        near = near.take(range(1, near.shape[axis]), axis) | near.take(
-            range(near.shape[axis] - 1), axis
-        )
+        inside = np.moveaxis(near.repeat(factor, axis), axis, 0)
+        end = np.zeros_like(inside[:1])
+        near = np.concatenate([end, inside]) | np.concatenate([inside, end])
+        near = np.moveaxis(near, 0, axis)
     return np.where(near, values, np.nan)
 
 

@@ -17,10 +17,10 @@ def components(samples: np.ndarray, level: float) -> np.ndarray:
     above = samples > level
     # Each part of the interpolant within a cell holds a corner, as it grows along axes up to one.
     part = np.asarray(label(above, connectivity=1)) - 1
-    pairs = [
-        _across_faces(*(np.moveaxis(each, axes, (0, 1)) for each in (samples, above, part)), level)
-        for axes in itertools.combinations(range(samples.ndim), 2)
-    ]
+    pairs = []
+    for axes in itertools.combinations(range(samples.ndim), 2):
+        f, higher, number = (np.moveaxis(each, axes, (0, 1)) for each in (samples, above, part))
+        pairs.append(_across_faces(f, higher, number, level))
     if samples.ndim == 3:
         pairs += _through_cells(samples, above, part, level)
     root = connect(int(part.max(initial=-1)) + 1, np.concatenate(pairs, axis=1))

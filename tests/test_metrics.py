@@ -11,6 +11,7 @@ import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._compare import bilinear_field
 from contourfair_jax._components import components
+from contourfair_jax._creases import crease_bending
 from contourfair_jax._field import BezierField
 from contourfair_jax.contours import ContourLine
 
@@ -348,9 +349,54 @@ def test_a_comparison_prints_a_table():
     assert "places merged: 0, split: 0" in text
 
 
-def test_comparison_of_volumes_is_refused():
-    with pytest.raises(ValueError, match="values must be 2-D"):
-        metrics.compare(np.zeros((4, 3, 5)))
+def test_comparison_of_signals_is_refused():
+    with pytest.raises(ValueError, match=r"values must be 2-D .* or 3-D .* got 1-D"):
+        metrics.compare(np.zeros(4))
+
+
+def test_a_thin_rod_is_joined():
+    """A rod across a volume, oblique: trilinear interpolation tears it into beads."""
+    x = np.linspace(-1, 1, 9)
+    across = np.stack(
+        [x[:, None, None] - 0.8 * x + 0 * x[:, None], x[:, None] + 0.5 * x + 0 * x[:, None, None]]
+    )
+    samples = np.exp(-((5 * across) ** 2).sum(0))
+    found = metrics.compare(samples, [0.3, 0.45, 0.6], spacing=0.25, origin=-1.0)
+    plain, fair = (sum(each.components for each in side) for side in (found.bilinear, found.fair))
+    assert plain > fair
+    merged = [change for change in found.changes if change.kind == "merged"]
+    assert any(change.side == "above" and change.parts > 1 for change in merged)
+    assert all(
+        np.abs(change.position).max() <= 1 and len(change.position) == 3 for change in merged
+    )
+    text = str(found).splitlines()
+    assert text[0].split() == ["area", "bending/4pi", "parts", "Euler"]
+    assert [row.split()[0] for row in text[1:3]] == ["trilinear", "fair"]
+    assert str(merged[0]) in str(found)
+
+
+def test_volumes_are_compared_in_the_same_cells():
+    x = np.linspace(-1, 1, 7)
+    plane = x[:, None, None] + 0.5 * x[:, None] + 0.2 * x
+    plane[2, 3, 3] = plane[5, 0, 6] = np.nan
+    found = metrics.compare(plane, [0.1])
+    (plain,), (fair,) = found.bilinear, found.fair
+    assert plain.area == pytest.approx(fair.area, rel=1e-5)
+    assert plain.euler_characteristic == fair.euler_characteristic
+    assert [plain.bending, fair.bending] == pytest.approx([0, 0], abs=1e-9)
+    assert found.changes == ()
+
+
+def test_creases_of_a_roof():
+    """Two planes that meet in a face, at an angle: the length of the ridge is 4 cells of 0.5."""
+    samples = np.repeat(np.repeat(-np.abs(np.arange(5.0) - 2)[:, None, None], 5, 1), 5, 2)
+    samples = samples + np.arange(5.0)[:, None]
+    field = cf.fair_field(samples, spacing=0.5)
+    kinked = bilinear_field(field)
+    expected = (np.pi / 2) ** 2 * 2 / (4 * 0.1)
+    assert crease_bending(kinked, 1.3, 0.1) == pytest.approx(expected, rel=1e-6)
+    assert crease_bending(kinked, 9.0, 0.1) == 0
+    assert crease_bending(field, 1.3, 0.1) < 1e-12
 
 
 REAL = ("Maunga Whau terrain", "Olinda terrain", "Luxembourg terrain", "sea-surface temperature")

@@ -58,8 +58,9 @@ def metrics(
     """Measure contours, or isosurfaces, level by level: bilinear (trilinear) beside fair.
 
     Below the table: what leaves the range of the samples, the largest jump of the slope, sums over
-    all levels, and where parts of contours merge or split.
+    all levels, and where parts merge or split.
     """
+    from ._changes import changes
     from ._compare import bilinear_field
 
     say = Reporter(quiet, as_json)
@@ -71,8 +72,8 @@ def metrics(
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing and measuring") as progress:
         field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
-        # Each level of both fields is a step, and of contours the search for changes.
-        done, steps = counting(1), len(chosen) * (3 if grid.ndim == 2 else 2)
+        # Each level of both fields is a step, and of the search for changes.
+        done, steps = counting(1), 3 * len(chosen)
 
         def moved() -> None:
             progress(next(done), steps)
@@ -83,7 +84,7 @@ def metrics(
         tables = {name: measure(each, chosen, moved) for name, each in fields.items()}
         whole = {name: _whole(each) for name, each in fields.items()}
         whole["fair"] |= _sums(field)
-        changes = _changes(fields[plain], field, chosen, moved)
+        changed = changes(fields[plain], field, chosen, moved)
     if plot is not None:
         from ._plot_metrics import metrics_figure
         from .plot import save_figure
@@ -95,11 +96,11 @@ def metrics(
             name: [dict(zip(header, row, strict=True)) for row in rows]
             for name, rows in tables.items()
         }
-        changed = [vars(change) for change in changes]
-        say.result({"levels": chosen, "table": rows, "whole": whole, "changes": changed})
+        places = [vars(change) for change in changed]
+        say.result({"levels": chosen, "table": rows, "whole": whole, "changes": places})
         return
     _print_table(chosen, header, tables)
-    _print_rest(whole, changes)
+    _print_rest(whole, changed)
 
 
 def _print_table(
@@ -138,12 +139,9 @@ def _lines(field: BezierField, levels: Sequence[float], moved: Step) -> list[tup
 
 
 def _surfaces(field: BezierField, levels: Sequence[float], moved: Step) -> list[tuple]:
-    from .metrics import surface_metrics
+    from ._surface_metrics import level_surfaces
 
-    found = []
-    for level in levels:
-        found.append(surface_metrics(field.isosurface(level, 0.05)))
-        moved()
+    found = level_surfaces(field, levels, 0.05, moved)
     return [(m.area, m.bending / (4 * np.pi), m.components, m.euler_characteristic) for m in found]
 
 
@@ -156,25 +154,20 @@ def _whole(field: BezierField) -> dict[str, float]:
 
 def _sums(field: BezierField) -> dict[str, float]:
     """Over all levels of a C1 field; a bilinear one has kinks besides, which are not in them."""
-    from .metrics import coarea
+    from .metrics import coarea, surface_coarea
 
-    if field.ndim != 2:
-        return {}
+    if field.ndim == 3:
+        surfaces = surface_coarea(field)
+        return {
+            "area over all levels": surfaces.area,
+            "bending/4pi over all levels": surfaces.bending / (4 * np.pi),
+        }
     sums = coarea(field)
     return {
         "length over all levels": sums.length,
         "turning/2pi over all levels": sums.turning / (2 * np.pi),
         "bending over all levels": sums.bending,
     }
-
-
-def _changes(
-    plain: BezierField, field: BezierField, levels: Sequence[float], moved: Step
-) -> list[Any]:
-    """Where parts merge and split; of contours only."""
-    from ._compare import changes
-
-    return changes(plain, field, levels, moved) if field.ndim == 2 else []
 
 
 COMMANDS = {

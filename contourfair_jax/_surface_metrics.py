@@ -1,12 +1,15 @@
 """Area, bending, parts and topology of isosurfaces."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ._components import connect
+from ._creases import crease_bending
+from ._field import BezierField
 from ._split import edges_of
-from .isosurface import Isosurface
+from .isosurface import Isosurface, isosurface
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,7 @@ class SurfaceMetrics:
         In squared units of the coordinates.
     bending : float
         Squared mean curvature integrated over the surface, without unit; `4 pi` for a sphere.
+        Of `surface_metrics`, without the kinks between cells that trilinear fields have.
     components : int
         Connected parts.
     euler_characteristic : int
@@ -53,3 +57,24 @@ def surface_metrics(surface: Isosurface) -> SurfaceMetrics:
         surface.euler_characteristic,
         surface.watertight,
     )
+
+
+def level_surfaces(
+    field: BezierField,
+    levels: Sequence[float] | np.ndarray,
+    tolerance: float,
+    step: Callable[[], None] = lambda: None,
+) -> list[SurfaceMetrics]:
+    """Metrics of the isosurfaces of levels; `step` is called after each.
+
+    The bending is that of the cells and that of kinks between them, each rounded over a quarter of
+    the smallest spacing.
+    """
+    width = 0.25 * float(np.min(np.asarray(field.spacing)))
+    found = []
+    for level in map(float, levels):
+        each = surface_metrics(isosurface(field, level, tolerance))
+        bending = each.bending + crease_bending(field, level, width)
+        found.append(replace(each, bending=bending))
+        step()
+    return found

@@ -1,11 +1,13 @@
 """How fair a field and its contours are: length, turning, bending, parts, crossings, overshoot."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ._basis import bernstein_derivative, quadrature
+from ._coarea import Coarea as Coarea
+from ._coarea import SurfaceCoarea as SurfaceCoarea
+from ._coarea import coarea as coarea
+from ._coarea import surface_coarea as surface_coarea
 from ._compare import Comparison as Comparison
 from ._compare import bilinear_field as bilinear_field
 from ._compare import compare as compare
@@ -17,7 +19,6 @@ from ._lengths import level_metrics as level_metrics
 from ._lengths import signed_area as signed_area
 from ._surface_metrics import SurfaceMetrics as SurfaceMetrics
 from ._surface_metrics import surface_metrics as surface_metrics
-from ._tracing import host_arrays
 from .io import ContourLine
 
 
@@ -57,61 +58,3 @@ def c1_jump(field: BezierField) -> float:
         jump = max(jump, float(np.nanmax(jumps, initial=0.0)) / spacing)
         slope = max(slope, float(np.nanmax(np.abs(steps), initial=0.0)) / spacing)
     return jump / slope if slope else 0.0
-
-
-@dataclass(frozen=True)
-class Coarea:
-    """Integrals over all levels of what `LevelMetrics` has for one.
-
-    Parameters
-    ----------
-    length, turning, bending : float
-        Integrals over the levels of length, of absolute turning (radians), and of squared curvature
-        integrated along the contours.
-    """
-
-    length: float
-    turning: float
-    bending: float
-
-
-def coarea(field: BezierField, order: int = 4) -> Coarea:
-    """Length, turning and bending of the contours of all levels at once.
-
-    By the coarea formula, with the curvature k of the contour through each point::
-
-        sum over levels of (integral of q along contours) = integral of q |grad f| over the grid
-
-    for q = 1, |k| and k^2, with `order` Gauss points per axis and cell.  NaN cells are left out,
-    and so are kinks between cells, which a C1 field does not have.
-
-    Raises
-    ------
-    ValueError
-        For a field that is not 2-D.
-    """
-    net, spacing, _ = host_arrays(field)
-    at, weights = quadrature(order)
-    rows = [bernstein_derivative(k, at) for k in range(3)]
-
-    def partial(first: int, second: int) -> np.ndarray:
-        values = _sections(_sections(net, rows[first]).T, rows[second]).T
-        return values / (spacing[0] ** first * spacing[1] ** second)
-
-    fx, fy = partial(1, 0), partial(0, 1)
-    squared = fx * fx + fy * fy
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bend = partial(2, 0) * fy * fy - 2 * partial(1, 1) * fx * fy + partial(0, 2) * fx * fx
-        curvature = np.where(squared > 0, bend / squared**1.5, 0)
-    area = np.outer(np.tile(weights, len(fx) // order), np.tile(weights, fx.shape[1] // order))
-    area = area * spacing.prod() * np.sqrt(squared)
-    length, turning, bending = (
-        float(np.nansum(q * area)) for q in (1.0, np.abs(curvature), curvature**2)
-    )
-    return Coarea(length, turning, bending)
-
-
-def _sections(net: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Combine the four points of every cell along the first axis with each row of `weights`."""
-    fours = np.stack([net[:-1:3], net[1::3], net[2::3], net[3::3]])
-    return np.einsum("qa,aij->iqj", weights, fours).reshape(-1, net.shape[1])

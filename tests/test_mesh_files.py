@@ -224,6 +224,8 @@ def test_metrics_command(scan, tmp_path, capsys):
         ["2", "trilinear"], ["2", "fair"], ["2.5", "trilinear"], ["2.5", "fair"]
     ]  # fmt: skip
     assert [float(x) for x in rows[4][2:]] == pytest.approx([8 * np.pi, 1, 1, 2], rel=0.15)
+    assert float(rows[3][3]) > float(rows[4][3])  # the kinks of the trilinear one are counted
+    assert "area over all levels" in out
     np.save(tmp_path / "flat.npy", np.load(scan)[2])
     code, out, _ = call(capsys, "metrics", tmp_path / "flat.npy", "--count", 2)
     rows = [line.split() for line in out.splitlines()]
@@ -248,8 +250,7 @@ def test_metrics_command_counts_its_steps(scan, ndim, tmp_path, monkeypatch, cap
     monkeypatch.setattr("contourfair_jax._console.Reporter.working", working)
     np.save(tmp_path / "in.npy", np.load(scan)[2] if ndim == 2 else np.load(scan))
     assert call(capsys, "metrics", tmp_path / "in.npy", "--count", 2)[0] == 0
-    steps = 6 if ndim == 2 else 4
-    assert moves == [(k + 1, steps) for k in range(steps)]
+    assert moves == [(k + 1, 6) for k in range(6)]
 
 
 def test_metrics_command_leaves_the_same_cells_out(tmp_path, capsys):

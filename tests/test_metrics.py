@@ -11,6 +11,7 @@ import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._compare import bilinear_field
 from contourfair_jax._components import components
+from contourfair_jax._creases import crease_bending
 from contourfair_jax._field import BezierField
 from contourfair_jax.contours import ContourLine
 
@@ -157,6 +158,82 @@ def test_coarea_leaves_missing_samples_out(bowl):
     assert metrics.coarea(beside).length == pytest.approx(metrics.coarea(bowl).length)
 
 
+def radii(low, high, size):
+    """Distances from the origin on a cube away from it, and the field of them."""
+    x = np.linspace(low, high, size)
+    samples = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    return catmull_rom(samples, (high - low) / (size - 1), low)
+
+
+def test_surface_coarea_of_spheres():
+    """Of `|x|^2` on [1, 2]^3, exactly, as one cell: `|grad f| = 2 r` and H = 1 / r."""
+    square = np.array([1, 5 / 3, 8 / 3, 4])
+    net = square[:, None, None] + square[:, None] + square
+    field = BezierField(jnp.asarray(net), jnp.ones(3), jnp.ones(3))
+    at, weights = np.polynomial.legendre.leggauss(12)
+    at, weights = 1.5 + at / 2, weights / 2
+    radius = np.sqrt(at[:, None, None] ** 2 + at[:, None] ** 2 + at**2)
+    found = metrics.surface_coarea(field, order=6)
+    area, bending = (np.einsum("ijk,i,j,k", q, *[weights] * 3) for q in (2 * radius, 2 / radius))
+    assert [found.area, found.bending] == pytest.approx([area, bending], rel=1e-8)
+
+
+def test_surface_coarea_of_a_shell():
+    """Of cells between two spheres: the integral over their levels of 4 pi r^2, and of 4 pi."""
+    field = radii(-1.0, 1.0, 41)
+    inner, outer = 0.3, 0.95
+
+    def between(low, high):
+        net = np.asarray(field.control_points)
+        low_cell, high_cell = (np.asarray(bound) for bound in field.bounds())
+        left_out = (low_cell < low) | (high_cell > high)
+        for axis in range(3):
+            left_out = left_out.repeat(3, axis)
+        kept = net.copy()
+        kept[:-1, :-1, :-1][left_out] = np.nan
+        return BezierField(jnp.asarray(kept), field.spacing, field.origin)
+
+    shell = between(inner, outer)
+    sums = metrics.surface_coarea(shell)
+    inside = np.isfinite(np.asarray(shell.bounds()[0]))
+    centres = np.linspace(-0.975, 0.975, 40)
+    radius = np.sqrt(centres[:, None, None] ** 2 + centres[:, None] ** 2 + centres**2)[inside]
+    assert sums.area == pytest.approx(inside.sum() * 0.05**3, rel=1e-3)
+    assert sums.bending == pytest.approx((0.05**3 / radius**2).sum(), rel=2e-2)
+    # Most of what lies between the spheres is in these cells.
+    assert 0.7 < sums.area / (4 / 3 * np.pi * (outer**3 - inner**3)) < 1
+    assert 0.7 < sums.bending / (4 * np.pi * (outer - inner)) < 1
+
+
+def test_surface_coarea_is_the_sum_over_levels():
+    x = np.linspace(-1, 1, 9)
+    samples = np.exp(-(x[:, None, None] ** 2) - 1.5 * x[:, None] ** 2 - 0.5 * x**2)
+    field = catmull_rom(samples, np.array([0.5, 0.6, 0.7]), 1.0)
+    low, high = float(samples.min()), float(samples.max())
+    levels = low + (high - low) * (np.arange(40) + 0.5) / 40
+    each = [metrics.surface_metrics(field.isosurface(level, 0.02)) for level in levels.tolist()]
+    found = metrics.surface_coarea(field)
+    width = (high - low) / len(levels)
+    assert sum(one.area for one in each) * width == pytest.approx(found.area, rel=0.01)
+    assert sum(one.bending for one in each) * width == pytest.approx(found.bending, rel=0.03)
+
+
+def test_coarea_works_in_slabs(bowl, monkeypatch):
+    fields = catmull_rom(samples_of("noise", GRID)), radii(0.0, 1.0, 5)
+    whole = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
+    monkeypatch.setattr("contourfair_jax._coarea._POINTS", 1)
+    parts = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
+    for one, other in zip(whole, parts, strict=True):
+        assert list(vars(one).values()) == pytest.approx(list(vars(other).values()), rel=1e-12)
+
+
+def test_coarea_is_of_one_dimension(bowl):
+    with pytest.raises(ValueError, match=r"field must be 2-D .* surface_coarea"):
+        metrics.coarea(radii(0.0, 1.0, 4))
+    with pytest.raises(ValueError, match=r"field must be 3-D .* take coarea"):
+        metrics.surface_coarea(bowl)
+
+
 # Overshoot and jumps -----------------------------------------------------------------------
 
 
@@ -212,6 +289,27 @@ def test_components_agree_with_a_fine_grid(level, rng):
     )
 
 
+def test_components_of_volumes_agree_with_a_fine_grid():
+    """Cell by cell; of every other one two opposite corners meet, if at all, in the middle."""
+    from scipy.ndimage import label
+
+    rng = np.random.default_rng(0)  # of other cells a finer grid may be needed
+    at = np.linspace(0, 1, 41)
+    weights = np.stack([1 - at, at], axis=1)
+    meetings = 0
+    for trial in range(200):
+        corners = rng.normal(size=(2, 2, 2)) * rng.uniform(0.05, 1, size=(2, 2, 2))
+        if trial % 2:
+            corners = -np.abs(corners)
+            corners[0, 0, 0], corners[1, 1, 1] = rng.uniform(0.2, 1.5, 2)
+        fine = np.einsum("ai,bj,ck,ijk->abc", *[weights] * 3, corners)
+        truth, found = label(fine > 0)[0][::40, ::40, ::40] - 1, components(corners + 7, 7.0)
+        both = np.unique(np.stack([truth.ravel(), found.ravel()]), axis=1)
+        assert len(both.T) == len(np.unique(found)) == len(np.unique(truth))
+        meetings += trial % 2 and found.max() == 0
+    assert 10 < meetings < 90
+
+
 def test_a_thin_ridge_is_joined():
     case = cases.ANALYTIC["ridge"]
     found = metrics.compare(case.samples(), spacing=case.spacing, origin=-1.0)
@@ -251,9 +349,54 @@ def test_a_comparison_prints_a_table():
     assert "places merged: 0, split: 0" in text
 
 
-def test_comparison_of_volumes_is_refused():
-    with pytest.raises(ValueError, match="values must be 2-D"):
-        metrics.compare(np.zeros((4, 3, 5)))
+def test_comparison_of_signals_is_refused():
+    with pytest.raises(ValueError, match=r"values must be 2-D .* or 3-D .* got 1-D"):
+        metrics.compare(np.zeros(4))
+
+
+def test_a_thin_rod_is_joined():
+    """A rod across a volume, oblique: trilinear interpolation tears it into beads."""
+    x = np.linspace(-1, 1, 9)
+    across = np.stack(
+        [x[:, None, None] - 0.8 * x + 0 * x[:, None], x[:, None] + 0.5 * x + 0 * x[:, None, None]]
+    )
+    samples = np.exp(-((5 * across) ** 2).sum(0))
+    found = metrics.compare(samples, [0.3, 0.45, 0.6], spacing=0.25, origin=-1.0)
+    plain, fair = (sum(each.components for each in side) for side in (found.bilinear, found.fair))
+    assert plain > fair
+    merged = [change for change in found.changes if change.kind == "merged"]
+    assert any(change.side == "above" and change.parts > 1 for change in merged)
+    assert all(
+        np.abs(change.position).max() <= 1 and len(change.position) == 3 for change in merged
+    )
+    text = str(found).splitlines()
+    assert text[0].split() == ["area", "bending/4pi", "parts", "Euler"]
+    assert [row.split()[0] for row in text[1:3]] == ["trilinear", "fair"]
+    assert str(merged[0]) in str(found)
+
+
+def test_volumes_are_compared_in_the_same_cells():
+    x = np.linspace(-1, 1, 7)
+    plane = x[:, None, None] + 0.5 * x[:, None] + 0.2 * x
+    plane[2, 3, 3] = plane[5, 0, 6] = np.nan
+    found = metrics.compare(plane, [0.1])
+    (plain,), (fair,) = found.bilinear, found.fair
+    assert plain.area == pytest.approx(fair.area, rel=1e-5)
+    assert plain.euler_characteristic == fair.euler_characteristic
+    assert [plain.bending, fair.bending] == pytest.approx([0, 0], abs=1e-9)
+    assert found.changes == ()
+
+
+def test_creases_of_a_roof():
+    """Two planes that meet in a face, at an angle: the length of the ridge is 4 cells of 0.5."""
+    samples = np.repeat(np.repeat(-np.abs(np.arange(5.0) - 2)[:, None, None], 5, 1), 5, 2)
+    samples = samples + np.arange(5.0)[:, None]
+    field = cf.fair_field(samples, spacing=0.5)
+    kinked = bilinear_field(field)
+    expected = (np.pi / 2) ** 2 * 2 / (4 * 0.1)
+    assert crease_bending(kinked, 1.3, 0.1) == pytest.approx(expected, rel=1e-6)
+    assert crease_bending(kinked, 9.0, 0.1) == 0
+    assert crease_bending(field, 1.3, 0.1) < 1e-12
 
 
 REAL = ("Maunga Whau terrain", "Olinda terrain", "Luxembourg terrain", "sea-surface temperature")

@@ -1,8 +1,8 @@
 """Samples continued beyond the border of the grid by polynomials.
 
 The energy is free at a border, which leaves the field straight across it: its error there is of
-second order in the spacing, while it is of fourth order inside.  Samples continued by polynomials of
-higher degree make up for that; on noise they swing.
+second order in the spacing, while it is of fourth order inside.  Samples continued by polynomials
+of higher degree make up for that; on noise they swing.
 """
 
 from typing import NamedTuple
@@ -34,9 +34,7 @@ def continue_samples(
     """
     for axis in range(values.ndim):
         values, variances = (jnp.moveaxis(array, axis, 0) for array in (values, variances))
-        low, high = (
-            _beyond(values[::step], variances[::step], degree) for step in (1, -1)
-        )
+        low, high = (_beyond(values[::step], variances[::step], degree) for step in (1, -1))
         values, variances = (
             jnp.moveaxis(jnp.concatenate([before[::-1], array, after]), 0, axis)
             for before, array, after in zip(low, (values, variances), high, strict=True)

@@ -15,7 +15,6 @@ from . import _check
 from ._global import GlobalFairing
 
 
-
 class Candidate(NamedTuple):
     """Settings that are tried."""
 
@@ -147,6 +146,8 @@ def cross_validation_error(
     colours: tuple[int, ...] = (0, 1),
 ) -> Float[Array, ""]:
     """Mean square error at the samples of either colour when the method is given the other.
+
+    Samples at the border, where dropped ones are not surrounded by others, are not judged.
 
     Parameters
     ----------

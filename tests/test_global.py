@@ -4,6 +4,7 @@ Every shape and static setting is another program of some seconds, so tests shar
 is one program for each shape and sharpness, `clean` another.
 """
 
+import dataclasses
 import functools
 
 import cases
@@ -209,6 +210,62 @@ def test_float32_is_close_to_float64():
         values = samples_of(name, FLAT)
         ours = net_of(np.float32(values), cf.GlobalFairing(), FLAT.spacing)
         assert_close(ours, net_of(values, cf.GlobalFairing(), FLAT.spacing), 1e-3)
+
+
+def continued(values, degree, layers=2):
+    """Samples with more at either end of every axis, by one polynomial for every line."""
+    for axis in range(values.ndim):
+        lines = np.moveaxis(values, axis, 0)
+        at = np.arange(len(lines))
+        low, high = (
+            np.polyfit(at[part], lines[part].reshape(degree + 1, -1), degree)
+            for part in (slice(degree + 1), slice(-degree - 1, None))
+        )
+        before = [np.array([np.polyval(p, x) for p in low.T]) for x in range(-layers, 0)]
+        after = [np.array([np.polyval(p, at[-1] + x) for p in high.T]) for x in (1, 2)]
+        others = lines.shape[1:]
+        before, after = (np.reshape(part, (layers, *others)) for part in (before, after))
+        values = np.moveaxis(np.concatenate([before, lines, after]), 0, axis)
+    return values
+
+
+@pytest.mark.parametrize("shape", [(9, 7), (7, 6, 5)])
+def test_a_continued_border_is_that_of_a_wider_grid(shape, rng):
+    values = rng.normal(size=shape)
+    method = exact(thin_plate_weight=0.2)
+    wide = net_of(continued(values, 3), method)
+    inside = tuple(slice(6, -6) for _ in shape)
+    net = net_of(values, dataclasses.replace(method, border_degree=3))
+    np.testing.assert_allclose(net, wide[inside], atol=1e-8 * np.ptp(values))
+
+
+def test_a_continued_border_is_accurate_on_smooth_data():
+    case = cases.ANALYTIC["franke"]
+    plate = cf.GlobalFairing(thin_plate_weight=1.0, smoothness=0.02, iterations=0, tolerance=1e-6)
+    errors = [
+        rms(cf.fair_field(case.samples(24), method=method).refine(4) - case.samples(93))
+        for method in (plate, dataclasses.replace(plate, border_degree=4))
+    ]
+    assert errors[1] < errors[0] / 5
+
+
+def test_a_continued_border_with_holes_and_noise(rng):
+    x = np.arange(12.0)
+    smooth = np.sin(x[:, None] / 3) * np.cos(x / 4)
+    holes = np.where(rng.uniform(size=smooth.shape) < 0.2, np.nan, smooth)
+    holes[0, :] = np.nan
+    method = cf.GlobalFairing(border_degree=4)
+    field = cf.fair_field(holes, method=method)
+    assert field.report.filled.shape == smooth.shape
+    np.testing.assert_array_equal(field.report.filled, np.isnan(holes))
+    assert rms(np.asarray(field.refine(1)) - smooth) < 0.05
+    noisy = smooth + 0.1 * rng.normal(size=smooth.shape)
+    fitted = cf.fair_field(noisy, method=dataclasses.replace(method, sigma=0.1)).refine(1)
+    assert rms(fitted - smooth) < rms(noisy - smooth)
+    weights = np.ones(tuple(n - 1 for n in smooth.shape))
+    weighted = cf.fair_field(smooth, method=dataclasses.replace(method, cell_weights=weights))
+    plain = cf.fair_field(smooth, method=method)
+    np.testing.assert_allclose(weighted.refine(2), plain.refine(2), atol=1e-12)
 
 
 def test_thin_plate_alone():
@@ -446,6 +503,8 @@ def test_limiter(grid):
         ("iterations", -1),
         ("tension", -1.0),
         ("smoothness", -1.0),
+        ("border_degree", 6),
+        ("border_degree", 1.5),
         ("norm", 0.9),
         ("norm", 2.1),
         ("tension", np.inf),

@@ -121,8 +121,12 @@ def check_choice(value: object, choices: Sequence[object], name: str) -> None:
 
 def check_count(value: object, least: int, name: str, *, most: int | None = None) -> None:
     """Raise ValueError unless `value` is an integer from `least` to `most`."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or value < least or (most is not None and value > most):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | np.integer)
+        or value < least
+        or (most is not None and value > most)
+    ):
         limits = f"at least {least}" if most is None else f"from {least} to {most}"
         raise ValueError(f"{name} must be an integer that is {limits}, got {value!r}")
 

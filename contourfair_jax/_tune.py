@@ -44,7 +44,9 @@ CANDIDATES = (
 )
 # The last one is found by a larger smoothness than it then gets: over the wide gaps of
 # cross-validation, and halfway between samples where it looks, more pays than between all samples.
+# So its error has to be this much smaller than others.
 SMOOTHNESS = 0.02
+SMOOTH = 1.6
 COHERENCE = 1.2
 
 # Renewals of the normals while candidates are compared.
@@ -55,7 +57,7 @@ ITERATIONS = 2
 TOLERANCE = 1e-3
 MAX_STEPS = 200
 
-# Samples at the border that are not judged.
+# Samples at the border, where dropped ones are not surrounded by others.
 MARGIN = 3
 
 
@@ -113,25 +115,31 @@ def tune(
     # One colour ranks the settings as well as both do, for half the price.
     odd = int(jnp.sum(known & _colours(values.shape).astype(bool)))
     dropped = (int(4 * odd >= int(jnp.sum(known))),)
-    errors = np.empty(len(CANDIDATES))
-    groups = sorted({(each.sharpness, each.border_degree > 0) for each in CANDIDATES})
-    for group in groups:
-        sharpness, smooth = group
-        rows = [
-            k
-            for k, each in enumerate(CANDIDATES)
-            if (each.sharpness, each.border_degree > 0) == group
-        ]
-        # What is smooth over the wide gaps of cross-validation need not be over the gaps between
-        # all samples: smoothness s has to lower the error by more than s of it.
+    everywhere, inside = np.empty((2, len(CANDIDATES)))
+    for group in sorted({_group(each) for each in CANDIDATES}):
+        rows = [k for k, each in enumerate(CANDIDATES) if _group(each) == group]
         settings = jnp.asarray([_real(CANDIDATES[k]) for k in rows], values.dtype)
-        handicap = 1 + np.array([CANDIDATES[k].smoothness for k in rows])
-        found = _errors(values, spacing, settings, sharpness, smooth, dropped)
-        errors[rows] = np.asarray(found) * handicap
-    best = CANDIDATES[int(np.argmin(errors))]
-    if best.border_degree:
-        best = best._replace(smoothness=SMOOTHNESS)
+        everywhere[rows], inside[rows] = _errors(values, spacing, settings, *group, dropped)
+    best = _best(everywhere, inside)
     return GlobalFairing(**best._asdict(), coherence=COHERENCE, sigma=sigma)  # pyright: ignore
+
+
+def _best(everywhere: np.ndarray, inside: np.ndarray) -> Candidate:
+    """The candidate of smallest error: everywhere, but for smooth fields inside."""
+    ordinary = [k for k, each in enumerate(CANDIDATES) if not each.border_degree]
+    # What is smooth over the wide gaps of cross-validation need not be over the gaps between
+    # all samples: smoothness s has to lower the error by more than s of it.
+    handicap = np.array([1 + CANDIDATES[k].smoothness for k in ordinary])
+    best = ordinary[int(np.argmin(everywhere[ordinary] * handicap))]
+    (smooth,) = set(range(len(CANDIDATES))) - set(ordinary)
+    if SMOOTH * inside[smooth] < inside[best]:
+        return CANDIDATES[smooth]._replace(smoothness=SMOOTHNESS)
+    return CANDIDATES[best]
+
+
+def _group(candidate: Candidate) -> tuple[int, bool]:
+    """What is static in the program that compares: sharpness, and whether for smooth fields."""
+    return candidate.sharpness, candidate.border_degree > 0
 
 
 def _real(candidate: Candidate) -> list[float]:
@@ -147,8 +155,6 @@ def cross_validation_error(
 ) -> Float[Array, ""]:
     """Mean square error at the samples of either colour when the method is given the other.
 
-    Samples at the border, where dropped ones are not surrounded by others, are not judged.
-
     Parameters
     ----------
     method : GlobalFairing
@@ -159,17 +165,29 @@ def cross_validation_error(
     colours : tuple of int
         Colours that are dropped, one after the other.
     """
+    return _mean(*_held_back(method, values, spacing, colours))
+
+
+def _held_back(
+    method: GlobalFairing, values: Array, spacing: Array, colours: tuple[int, ...]
+) -> tuple[Float[Array, "colours *shape"], Bool[Array, "colours *shape"]]:
+    """Squares of the errors at the samples of each colour, and where there are any."""
     colour = _colours(values.shape)
     known = ~jnp.isnan(values)
 
     def squares(dropped: Array) -> tuple[Array, Array]:
-        judged = known & (colour == dropped) & _inside(values.shape)
+        judged = known & (colour == dropped)
         net, _ = method.fit(jnp.where(colour == dropped, jnp.nan, values), spacing)
         difference = net[(slice(None, None, 3),) * values.ndim] - jnp.where(known, values, 0)
-        return jnp.sum(jnp.where(judged, difference, 0) ** 2), jnp.sum(judged, dtype=values.dtype)
+        return jnp.where(judged, difference, 0) ** 2, judged
 
-    total, count = jax.lax.map(squares, jnp.asarray(colours))
-    return jnp.sum(total) / jnp.maximum(jnp.sum(count), 1)
+    return jax.lax.map(squares, jnp.asarray(colours))
+
+
+def _mean(squares: Array, judged: Array) -> Float[Array, ""]:
+    """Mean over what is judged."""
+    count = jnp.maximum(jnp.sum(judged, dtype=squares.dtype), 1)
+    return jnp.sum(jnp.where(judged, squares, 0)) / count
 
 
 def _colours(shape: tuple[int, ...]) -> Int[Array, "*shape"]:
@@ -178,7 +196,7 @@ def _colours(shape: tuple[int, ...]) -> Int[Array, "*shape"]:
 
 
 def _inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
-    """Samples away from the border, where dropped ones are not surrounded by others."""
+    """Samples away from the border."""
     inside = np.ones(shape, bool)
     for axis, count in enumerate(shape):
         margin = min(MARGIN, count // 8)
@@ -195,10 +213,10 @@ def _errors(
     sharpness: int,
     smooth: bool,
     colours: tuple[int, ...],
-) -> Float[Array, " candidates"]:
-    """Cross-validation errors of many settings, one after the other in one program."""
+) -> tuple[Float[Array, " candidates"], Float[Array, " candidates"]]:
+    """Errors of many settings, one after the other in one program: everywhere and inside."""
 
-    def error(setting: Array) -> Array:
+    def error(setting: Array) -> tuple[Array, Array]:
         method = GlobalFairing(
             thin_plate_weight=setting[0],
             tension=setting[1],
@@ -210,6 +228,7 @@ def _errors(
             tolerance=TOLERANCE / 10 if smooth else TOLERANCE,
             max_steps=MAX_STEPS,
         )
-        return cross_validation_error(method, values, spacing, colours)
+        squares, judged = _held_back(method, values, spacing, colours)
+        return _mean(squares, judged), _mean(squares, judged & _inside(values.shape)[None])
 
     return jax.lax.map(error, settings)

@@ -61,12 +61,12 @@ def changes(
     )
     factor = _FACTORS[field.ndim]
     coarse, finer = _refined(plain, 2, valid), _refined(field, factor, valid)
-    at_samples = [(slice(None, None, step),) * field.ndim for step in (2, factor)]
+    in_coarse, in_finer = ((slice(None, None, n),) * field.ndim for n in (2, factor))
     found = []
     for level in levels:
         for side, sign in (("above", 1.0), ("below", -1.0)):
-            before = components(sign * coarse, sign * level)[at_samples[0]]
-            after = components(sign * finer, sign * level)[at_samples[1]]
+            before = components(sign * coarse, sign * level)[in_coarse]
+            after = components(sign * finer, sign * level)[in_finer]
             for kind, one, other in (("merged", before, after), ("split", after, before)):
                 for parts, at in _joined(one, other, sign * samples):
                     place = np.asarray(field.origin) + np.asarray(field.spacing) * at

@@ -161,9 +161,8 @@ class GlobalFairing(AbstractFairing):
             cell_weights=None if weights is None else jnp.pad(weights, LAYERS, mode="edge"),
         )
         net, report = method._fit(wide.values, spacing)
-        missing = jnp.isnan(values)
-        inside = tuple(slice(3 * LAYERS, -3 * LAYERS) for _ in values.shape)
-        return net[inside], dataclasses.replace(report, filled=missing)
+        inside = (slice(3 * LAYERS, -3 * LAYERS),) * values.ndim
+        return net[inside], dataclasses.replace(report, filled=jnp.isnan(values))
 
     def _fit(self, values: Array, spacing: Array) -> tuple[Array, FitReport]:
         """`fit` with the energy free at the border."""

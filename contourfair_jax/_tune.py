@@ -1,5 +1,6 @@
 """Settings of global fairing chosen from the samples alone, by cross-validation."""
 
+import dataclasses
 from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
@@ -26,10 +27,9 @@ class Candidate(NamedTuple):
     border_degree: int = 0
 
 
-# Thin plate (weight 1) is for terrain, its tension for noise; smoothness is for what is analytic,
-# with a continued border and nothing else for what is really smooth; small weights are for ridges,
-# with tension along them for jagged edges.  Power 1 of the energy is better than 2 on nearly all
-# other data.
+# Thin plate (weight 1) is for terrain, its tension for noise; smoothness is for what is analytic;
+# small weights are for ridges, with tension along them for jagged edges.  Power 1 of the energy is
+# better than 2 on nearly all data.
 CANDIDATES = (
     Candidate(1.0, 1, 0.0, 0.0, 1.0),
     Candidate(1.0, 1, 300.0, 0.0, 1.0),
@@ -40,13 +40,14 @@ CANDIDATES = (
     Candidate(0.003, 2, 0.0, 0.0, 1.0),
     Candidate(0.003, 2, 20.0, 0.0, 1.0),
     Candidate(0.001, 2, 1000.0, 0.0, 2.0),
-    Candidate(1.0, 1, 0.0, 0.2, 2.0, 4),
 )
-# The last one is found by a larger smoothness than it then gets: over the wide gaps of
-# cross-validation, and halfway between samples where it looks, more pays than between all samples.
-# So its error has to be this much smaller than others.
-SMOOTHNESS = 0.02
-SMOOTH = 1.6
+
+# For what is really smooth, recognised by `PROBE`: over the wide gaps of cross-validation, and
+# halfway between samples where it looks, more smoothness pays than between all samples, so that its
+# error has to be this much smaller than others.
+SMOOTH = Candidate(1.0, 1, 0.0, 0.02, 2.0, border_degree=4)
+PROBE = SMOOTH._replace(smoothness=0.2, border_degree=0)
+HANDICAP = 1.6
 COHERENCE = 1.2
 
 # Renewals of the normals while candidates are compared.
@@ -116,35 +117,16 @@ def tune(
     odd = int(jnp.sum(known & _colours(values.shape).astype(bool)))
     dropped = (int(4 * odd >= int(jnp.sum(known))),)
     everywhere, inside = np.empty((2, len(CANDIDATES)))
-    for group in sorted({_group(each) for each in CANDIDATES}):
-        rows = [k for k, each in enumerate(CANDIDATES) if _group(each) == group]
-        settings = jnp.asarray([_real(CANDIDATES[k]) for k in rows], values.dtype)
-        everywhere[rows], inside[rows] = _errors(values, spacing, settings, *group, dropped)
-    best = _best(everywhere, inside)
-    return GlobalFairing(**best._asdict(), coherence=COHERENCE, sigma=sigma)  # pyright: ignore
-
-
-def _best(everywhere: np.ndarray, inside: np.ndarray) -> Candidate:
-    """The candidate of smallest error: everywhere, but for smooth fields inside."""
-    ordinary = [k for k, each in enumerate(CANDIDATES) if not each.border_degree]
+    for sharpness in sorted({each.sharpness for each in CANDIDATES}):
+        rows = [k for k, each in enumerate(CANDIDATES) if each.sharpness == sharpness]
+        group = [CANDIDATES[k] for k in rows]
+        everywhere[rows], inside[rows] = _errors(values, spacing, group, dropped)
     # What is smooth over the wide gaps of cross-validation need not be over the gaps between
     # all samples: smoothness s has to lower the error by more than s of it.
-    handicap = np.array([1 + CANDIDATES[k].smoothness for k in ordinary])
-    best = ordinary[int(np.argmin(everywhere[ordinary] * handicap))]
-    (smooth,) = set(range(len(CANDIDATES))) - set(ordinary)
-    if SMOOTH * inside[smooth] < inside[best]:
-        return CANDIDATES[smooth]._replace(smoothness=SMOOTHNESS)
-    return CANDIDATES[best]
-
-
-def _group(candidate: Candidate) -> tuple[int, bool]:
-    """What is static in the program that compares: sharpness, and whether for smooth fields."""
-    return candidate.sharpness, candidate.border_degree > 0
-
-
-def _real(candidate: Candidate) -> list[float]:
-    """The settings that may be traced."""
-    return [candidate.thin_plate_weight, candidate.tension, candidate.smoothness, candidate.norm]
+    best = int(np.argmin(everywhere * [1 + each.smoothness for each in CANDIDATES]))
+    _, (probe,) = _errors(values, spacing, [PROBE], dropped)
+    chosen = SMOOTH if HANDICAP * probe < inside[best] else CANDIDATES[best]
+    return GlobalFairing(**chosen._asdict(), coherence=COHERENCE, sigma=sigma)  # pyright: ignore
 
 
 def cross_validation_error(
@@ -205,30 +187,39 @@ def _inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
     return jnp.asarray(inside)
 
 
-@partial(jax.jit, static_argnames=("sharpness", "smooth", "colours"))
 def _errors(
+    values: Array, spacing: Array, candidates: Sequence[Candidate], colours: tuple[int, ...]
+) -> tuple[Float[Array, " candidates"], Float[Array, " candidates"]]:
+    """Errors of candidates of one sharpness, everywhere and inside."""
+    settings = [(each.thin_plate_weight, *each[2:5]) for each in candidates]
+    # Without normals and powers of the energy the first fit is the last, and can be more exact.
+    plain = all(each.thin_plate_weight == 1 and each.norm == 2 for each in candidates)
+    method = GlobalFairing(
+        coherence=COHERENCE,
+        sharpness=candidates[0].sharpness,
+        iterations=0 if plain else ITERATIONS,
+        tolerance=TOLERANCE / 10 if plain else TOLERANCE,
+        max_steps=MAX_STEPS,
+    )
+    return _errors_of(method, values, spacing, jnp.asarray(settings, values.dtype), colours)
+
+
+@partial(jax.jit, static_argnames="colours")
+def _errors_of(
+    method: GlobalFairing,
     values: Array,
     spacing: Array,
     settings: Float[Array, "candidates four"],
-    sharpness: int,
-    smooth: bool,
     colours: tuple[int, ...],
 ) -> tuple[Float[Array, " candidates"], Float[Array, " candidates"]]:
-    """Errors of many settings, one after the other in one program: everywhere and inside."""
+    """Errors of the method with other settings, one after the other in one program."""
 
     def error(setting: Array) -> tuple[Array, Array]:
-        method = GlobalFairing(
-            thin_plate_weight=setting[0],
-            tension=setting[1],
-            smoothness=setting[2],
-            norm=setting[3],
-            coherence=COHERENCE,
-            sharpness=sharpness,
-            iterations=0 if smooth else ITERATIONS,
-            tolerance=TOLERANCE / 10 if smooth else TOLERANCE,
-            max_steps=MAX_STEPS,
+        weight, tension, smoothness, norm = setting
+        tried = dataclasses.replace(
+            method, thin_plate_weight=weight, tension=tension, smoothness=smoothness, norm=norm
         )
-        squares, judged = _held_back(method, values, spacing, colours)
+        squares, judged = _held_back(tried, values, spacing, colours)
         return _mean(squares, judged), _mean(squares, judged & _inside(values.shape)[None])
 
     return jax.lax.map(error, settings)

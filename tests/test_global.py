@@ -212,8 +212,8 @@ def test_float32_is_close_to_float64():
         assert_close(ours, net_of(values, cf.GlobalFairing(), FLAT.spacing), 1e-3)
 
 
-def continued(values, degree, layers=2):
-    """Samples with more at either end of every axis, by one polynomial for every line."""
+def continued(values, degree):
+    """Two more samples at either end of every axis, by one polynomial for every line."""
     for axis in range(values.ndim):
         lines = np.moveaxis(values, axis, 0)
         at = np.arange(len(lines))
@@ -221,10 +221,10 @@ def continued(values, degree, layers=2):
             np.polyfit(at[part], lines[part].reshape(degree + 1, -1), degree)
             for part in (slice(degree + 1), slice(-degree - 1, None))
         )
-        before = [np.array([np.polyval(p, x) for p in low.T]) for x in range(-layers, 0)]
-        after = [np.array([np.polyval(p, at[-1] + x) for p in high.T]) for x in (1, 2)]
-        others = lines.shape[1:]
-        before, after = (np.reshape(part, (layers, *others)) for part in (before, after))
+        before, after = (
+            np.reshape([[np.polyval(p, x) for p in side.T] for x in places], (2, *lines.shape[1:]))
+            for side, places in ((low, (-2, -1)), (high, at[-1] + [1, 2]))
+        )
         values = np.moveaxis(np.concatenate([before, lines, after]), 0, axis)
     return values
 

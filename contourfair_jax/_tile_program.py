@@ -71,6 +71,11 @@ def overlap_of(method: AbstractFairing, ndim: int, factor: int) -> tuple[int, in
             "method.norm below 2 weighs cells by the mean of the whole grid, so it cannot be used "
             "in tiles; leave it 2, or fair the whole grid with fair_field"
         )
+    if getattr(method, "border_degree", 0):
+        raise ValueError(
+            "method.border_degree continues every tile beyond its own edges, which leaves seams, "
+            "so it cannot be used in tiles; leave it 0, or fair the whole grid with fair_field"
+        )
     halo, cells = _OVERLAPS[type(method)]
     return halo, max(4, min(cells[ndim], _MOST[ndim] // factor))
 

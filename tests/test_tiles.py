@@ -224,6 +224,10 @@ def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
         ({"memory": 1000}, "memory must be at least"),
         ({"method": cf.GlobalFairing(sigma=0.1)}, "method.sigma looks at the whole grid"),
         ({"method": cf.GlobalFairing(norm=1.5)}, "method.norm below 2 weighs cells by the mean"),
+        (
+            {"method": cf.GlobalFairing(border_degree=4)},
+            "method.border_degree continues every tile",
+        ),
         ({"method": "local"}, "method must be one of LocalFairing"),
         ({"target": "fine.tif"}, "names that end in .zarr or .npy"),
         ({"target": "absent/fine.npy"}, "there is no folder"),

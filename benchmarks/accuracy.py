@@ -8,7 +8,15 @@ from benchmarks.peers import Array, Method
 from benchmarks.report import Result, Track
 
 X64 = True
-MAIN = (peers.LINEAR, peers.CUBIC, peers.QUINTIC, engine.LOCAL, engine.GLOBAL, engine.ROBUST)
+MAIN = (
+    peers.LINEAR,
+    peers.CUBIC,
+    peers.QUINTIC,
+    engine.LOCAL,
+    engine.GLOBAL,
+    engine.ROBUST,
+    engine.SMOOTH,
+)
 OTHERS = (
     peers.CATMULL_ROM,
     *peers.OTHER_ENDS,

@@ -17,6 +17,7 @@ LOCAL, GLOBAL, TUNED = "local", "global", "tuned"
 DEFAULT = "global, defaults"
 SMALL_WEIGHT, CLEAN = "global w .003", "global w .001 c 1.5"
 ROBUST = "global, norm 1"
+SMOOTH = "global, smooth"
 
 
 def use_x64(enabled: bool) -> None:
@@ -56,6 +57,7 @@ OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {
     SMALL_WEIGHT: lambda: _global(0.003),
     CLEAN: lambda: _global(0.001, 1.5),
     ROBUST: lambda: _global(norm=1.0),
+    SMOOTH: lambda: cf.GlobalFairing(thin_plate_weight=1.0, smoothness=0.02, border_degree=4),
 }
 
 METHODS: dict[str, Method] = {name: _method(name) for name in OBJECTS}

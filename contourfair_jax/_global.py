@@ -83,8 +83,7 @@ class GlobalFairing(AbstractFairing):
         Continue the samples by polynomials of this degree, 1 to 5, a little beyond the border of
         the grid, from the nearest samples of each line.  0 leaves the energy free there, which is
         best for rough and for noisy samples.  4 is for smooth ones, whose error is else by far the
-        largest at the border; with `thin_plate_weight` 1 and `smoothness` 0.02 it is the most
-        accurate on these.
+        largest at the border, with `thin_plate_weight` 1 and `smoothness` 0.02.
     limit : bool
         Remove overshoot: every cell stays between the smallest and the largest of its own
         samples.  Samples and C1 are kept, fairness is not.

@@ -72,6 +72,12 @@ Method = Annotated[
         autocompletion=lambda: list(METHODS),
     ),
 ]
+Bands = Annotated[
+    bool,
+    typer.Option(
+        "--all-bands", help="Every band of a GeoTIFF, or channel of a colour image, by itself."
+    ),
+]
 Workers = Annotated[
     int, typer.Option(help="Processes that work on a .zarr or .npy output at the same time.")
 ]

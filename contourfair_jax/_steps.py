@@ -1,5 +1,6 @@
 """What several commands do: read the input, check the names of files, choose levels."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,21 +10,34 @@ from ._console import Reporter
 from ._describe import describe_missing, missing_note
 from ._levels import choose_levels
 from ._run import result_dtype
-from .io import Grid, InputError, read
+from .io import Grid, InputError, read, read_bands
 from .io._atomic import check_parent, check_target
 
 
 def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
     """Read the samples and tell what is to be known about them."""
+    return _load(lambda: (read(source, key),), source, target, say, fill)[0]
+
+
+def load_bands(source: Path, target: Path, say: Reporter, fill: bool = False) -> tuple[Grid, ...]:
+    """As `load`, for all bands of a file; what holds for several of them is told once."""
+    return _load(lambda: read_bands(source), source, target, say, fill)
+
+
+def _load(
+    reading: Callable[[], tuple[Grid, ...]], source: Path, target: Path, say: Reporter, fill: bool
+) -> tuple[Grid, ...]:
     check_parent(target)
     check_apart(source, target)
     with say.working(f"reading {source}"):
-        grid = read(source, key)
-    for note in grid.notes:
+        grids = reading()
+    notes = [note for grid in grids for note in grid.notes]
+    notes += [
+        missing_note(describe_missing(grid), fill) for grid in grids if grid.missing is not None
+    ]
+    for note in dict.fromkeys(notes):
         say.note(note)
-    if grid.missing is not None:
-        say.note(missing_note(describe_missing(grid), fill))
-    return grid
+    return grids
 
 
 def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:

@@ -24,8 +24,8 @@ from ._run import (
     precision,
     result_dtype,
 )
-from ._steps import load, warn_narrowing
-from .io import Grid, InputError, check_writable, write
+from ._steps import load, load_bands, warn_narrowing
+from .io import Grid, InputError, check_writable, write_bands
 
 if TYPE_CHECKING:
     from ._method import AbstractFairing
@@ -91,29 +91,38 @@ def upsample_whole(
     single: bool,
     fill: bool,
     say: Reporter,
+    bands: bool = False,
 ) -> Output:
-    """Read, refine and write.
+    """Read, refine and write; with `bands`, all of the file, each by itself.
 
     Raises
     ------
     InputError
         The file cannot be read, faired or written.
     """
-    grid = load(source, key, target, say, fill)
-    check_fairable(grid, factor)
-    dtype = result_dtype(grid, single)
-    check_writable(target, replace(grid, values=grid.values.astype(dtype)))
-    warn_narrowing(grid, single, say)
-    size = " x ".join(str(n) for n in grid.shape)
-    with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, settings, fill)
-        finer = np.asarray(field.refine(factor))
-    result = grid.refined(finer.astype(dtype, copy=False), factor)
+    if bands:
+        grids = load_bands(source, target, say, fill)
+    else:
+        grids = (load(source, key, target, say, fill),)
+    for grid in grids:
+        check_fairable(grid, factor)
+    dtype = np.result_type(*(result_dtype(grid, single) for grid in grids))
+    check_writable(target, *(replace(each, values=each.values.astype(dtype)) for each in grids))
+    warn_narrowing(grids[0], single, say)
+    several = (len(grids),) if len(grids) > 1 else ()
+    size = " x ".join(str(n) for n in several + grids[0].shape)
+    results: list[Grid] = []
+    with precision(single), say.working(f"fairing {size} samples") as move:
+        for grid in grids:
+            if several:
+                move(len(results), len(grids))
+            finer = np.asarray(fair(grid, method, settings, fill).refine(factor))
+            results.append(grid.refined(finer.astype(dtype, copy=False), factor))
     with say.working(f"writing {target}"):
-        notes = write(target, result)
+        notes = write_bands(target, results)
     for note in notes:
         say.note(note)
-    return Output(result.shape, result.values.dtype, result.missing_count)
+    return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
 
 
 def upsample_in_tiles(

@@ -24,6 +24,7 @@ from ._describe import facts, information
 from ._options import (
     SUMMARY,
     WRITABLE,
+    Bands,
     Count,
     Crop,
     Fill,
@@ -86,6 +87,7 @@ def _options_of_all(
 @app.command(
     epilog=examples(
         "contourfair upsample dem.tif -o dem_4x.tif",
+        "contourfair upsample image.tif -o image_2x.tif --all-bands --factor 2",
         "contourfair upsample scan.npz --key data -o scan_2x.npz --factor 2",
         "contourfair upsample big.zarr -o big_4x.zarr --workers 2 --resume",
     )
@@ -99,6 +101,7 @@ def upsample(
     thin_plate_weight: Weight = None,
     fill: Fill = False,
     key: Key = None,
+    bands: Bands = False,
     single: Single = False,
     workers: Workers = 1,
     resume: Resume = False,
@@ -117,12 +120,16 @@ def upsample(
         raise InputError(f"--factor must be 1 or more, got {factor}")
     settings = Settings(iterations, thin_plate_weight)
     tiling = Division(workers, resume, memory)
-    if is_tiled(source, target, method, tiling):
+    if bands and key is not None:
+        raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
+    if is_tiled(source, target, method, tiling) and not bands:
         made = upsample_in_tiles(
             source, target, factor, method, settings, key, single, tiling, fill, say
         )
     else:
-        made = upsample_whole(source, target, factor, method, settings, key, single, fill, say)
+        made = upsample_whole(
+            source, target, factor, method, settings, key, single, fill, say, bands
+        )
     say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
 
 

@@ -21,7 +21,7 @@ from contourfair_jax import _run, cli, plot
 from contourfair_jax._console import Reporter
 from contourfair_jax._levels import choose_levels, even_levels, interval_levels, listed_levels
 from contourfair_jax._window import busiest_window
-from contourfair_jax.io import FORMATS, Grid, InputError, read, write
+from contourfair_jax.io import FORMATS, Grid, InputError, read, read_bands, write, write_bands
 from contourfair_jax.isosurface import Isosurface
 
 pytestmark = pytest.mark.usefixtures("inside")
@@ -73,6 +73,43 @@ def test_upsample_geotiff_keeps_samples_place_and_crs(run, dem, tmp_path):
         assert new.res == (old.res[0] / 3, old.res[1] / 3)
         for row, column in ((0, 0), (4, 7), (8, 10)):
             assert new.xy(3 * row, 3 * column) == pytest.approx(old.xy(row, column), abs=1e-9)
+
+
+def test_upsample_every_band(run, tmp_path):
+    """Each as if it were alone; the result opens as what it was."""
+    rgb = np.stack([np.roll(hill("uint8"), k, 1) for k in range(3)])
+    source, target = tmp_path / "rgb.tif", tmp_path / "fine.tif"
+    write_bands(source, [Grid(band, affine=NORTH_UP, crs="EPSG:32633") for band in rgb])
+    code, out, err = run("upsample", source, "-o", target, "--all-bands", "-f", 2)
+    assert (code, out) == (0, f"{target}: 3 x 17 x 21 float32\n")
+    assert "note" not in err
+    for band, samples in zip(read_bands(target), rgb, strict=True):
+        expected = cf.fair_field(samples.astype(float), spacing=(30.0, 20.0)).refine(2)
+        np.testing.assert_allclose(band.values, expected, rtol=2e-7, atol=1e-5)
+        assert band.crs == read(source).crs
+    Image.fromarray(np.moveaxis(rgb, 0, -1)).save(tmp_path / "rgb.png")
+    picture = tmp_path / "fine.png"
+    assert run("upsample", tmp_path / "rgb.png", "-o", picture, "--all-bands", "-f", 2)[0] == 0
+    with Image.open(picture) as image:
+        assert (image.mode, image.size) == ("RGB", (21, 17))
+        np.testing.assert_array_equal(np.moveaxis(np.asarray(image), -1, 0)[:, ::2, ::2], rgb)
+
+
+def test_every_band_needs_a_file_that_has_several(run, tmp_path):
+    np.save(tmp_path / "in.npy", hill())
+    alone = tmp_path / "out.npy"  # a file without bands is one band
+    assert run("upsample", tmp_path / "in.npy", "-o", alone, "--all-bands", "-f", 2)[0] == 0
+    assert np.load(alone).shape == (17, 21)
+    write_bands(tmp_path / "two.tif", [Grid(hill("uint8"))] * 2)
+    faults = [
+        (("-o", tmp_path / "out.zarr"), "not written with several bands"),
+        (("-o", tmp_path / "out.tif", "-k", "2"), "--key 2 has nothing to choose"),
+        (("-o", tmp_path / "out.tif", "--workers", 2), "are for outputs in .zarr and .npy"),
+    ]
+    for options, message in faults:
+        code, out, err = run("upsample", tmp_path / "two.tif", "--all-bands", *options)
+        assert (code, out) == (2, "")
+        assert message in err
 
 
 def test_upsample_takes_the_methods_settings(run, tmp_path):

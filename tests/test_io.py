@@ -24,7 +24,9 @@ from contourfair_jax.io import (
     check_writable,
     example,
     read,
+    read_bands,
     write,
+    write_bands,
     write_geojson,
     write_svg,
 )
@@ -279,6 +281,59 @@ def test_colour_becomes_luminance_and_grey_colour_stays_exact(tmp_path):
     assert grey.notes == ()
 
 
+def coloured(channels: int = 3) -> np.ndarray:
+    """A picture whose channels differ."""
+    return np.stack([np.roll(terrain("uint8"), k, k % 2) for k in range(channels)], axis=-1)
+
+
+def test_channels_of_a_colour_image(tmp_path):
+    rgba = coloured(4)
+    rgba[..., 3] = np.maximum(rgba[..., 3], 1)
+    Image.fromarray(rgba[..., :3]).save(tmp_path / "rgb.png")
+    Image.fromarray(rgba).save(tmp_path / "rgba.png")
+    for name in ("rgb", "rgba"):
+        bands = read_bands(tmp_path / f"{name}.png")
+        assert bands[0].bands == ("red", "green", "blue", "alpha")[: len(name)]
+        assert not any(band.notes for band in bands)
+        for k, (band, key) in enumerate(zip(bands, bands[0].bands, strict=True)):
+            np.testing.assert_array_equal(band.values, rgba[..., k])
+            np.testing.assert_array_equal(read(tmp_path / f"{name}.png", key).values, rgba[..., k])
+        assert write_bands(tmp_path / "out.png", bands) == ()
+        with Image.open(tmp_path / "out.png") as image:
+            np.testing.assert_array_equal(np.asarray(image), rgba[..., : len(name)])
+    with pytest.raises(InputError, match="no 'alpha' to choose: it has the channels red, green, b"):
+        read(tmp_path / "rgb.png", "alpha")
+    assert len(read_bands(tmp_path / "rgb.png")) == 3
+
+
+def test_missing_pixels_of_a_colour_image_are_transparent(tmp_path):
+    rgba = np.dstack([coloured(), np.full((7, 9), 255, np.uint8)])
+    rgba[1, 2, 3] = 0
+    Image.fromarray(rgba).save(tmp_path / "in.png")
+    bands = read_bands(tmp_path / "in.png")
+    assert [band.missing_count for band in bands] == [1, 1, 1]
+    write_bands(tmp_path / "out.png", bands)
+    with Image.open(tmp_path / "out.png") as image:
+        out = np.asarray(image)
+    np.testing.assert_array_equal(out[..., 3], rgba[..., 3])
+    np.testing.assert_array_equal(out[rgba[..., 3] > 0], rgba[rgba[..., 3] > 0])
+
+
+def test_what_cannot_be_bands_of_one_file_is_refused(tmp_path):
+    small, large = Grid(terrain("uint8")), Grid(terrain("uint8", (6, 7)))
+    faults = [
+        ("a.tif", (small, large), "bands must have one shape"),
+        ("a.npy", (small, small), r"not written with several bands; known suffixes: \.png, \.tif"),
+        ("a.png", (small, small), "a PNG holds 3 or 4 channels of 8 bits, the source has 2"),
+        ("a.png", (Grid(terrain()),) * 3, "float32, float32, float32"),
+        ("a.tif", (), "there are no bands to write"),
+    ]
+    for name, grids, message in faults:
+        with pytest.raises(InputError, match=message):
+            write_bands(tmp_path / name, grids)
+    assert os.listdir(tmp_path) == []
+
+
 def test_image_modes(tmp_path):
     bits = np.eye(6, dtype=bool)
     Image.fromarray(bits).save(tmp_path / "bits.png")
@@ -349,6 +404,38 @@ def test_refined_geotiff_overlays_the_original_at_pixel_centres(tmp_path):
             assert new.xy(4 * row, 4 * column) == pytest.approx(old.xy(row, column), abs=1e-9)
         assert new.bounds.left == pytest.approx(old.bounds.left + 20 / 2 - 20 / 8)
         assert new.crs == old.crs
+
+
+def test_bands_of_a_geotiff(tmp_path):
+    """Values, names, units, colours and gaps of every band; place and texts once."""
+    ground = terrain("int16")
+    gaps = with_gap(nodata=-1.0)
+    placed = {"affine": NORTH_UP, "crs": UTM}
+    told = {"description": "ground", "source": "a plane"}
+    bands = [
+        Grid(ground, **placed, nodata=-9999, metadata=told),
+        Grid(gaps.values, **placed, nodata=-1.0, missing=gaps.missing, units="K"),
+        Grid(ground[::-1] - 9999, **placed, metadata={"colour": "red"}),
+    ]
+    notes = write_bands(tmp_path / "bands.tif", bands)
+    assert "the nodata value is now nan" in notes[0]  # -9999 is a sample of the third band
+    found = read_bands(tmp_path / "bands.tif")
+    assert [each.bands for each in found] == [("1", "2", "3")] * 3
+    for each, band in zip(found, bands, strict=True):
+        np.testing.assert_array_equal(each.values, band.values)
+        np.testing.assert_allclose(each.affine, NORTH_UP)
+        assert (each.units, each.missing_count) == (band.units, band.missing_count)
+        assert each.metadata["source"] == "a plane"
+    assert found[0].metadata["description"] == "ground"
+    assert found[2].metadata["colour"] == "red"
+    assert read(tmp_path / "bands.tif", "ground").values.tolist() == ground.tolist()
+    assert read(tmp_path / "bands.tif", "red").values.tolist() == bands[2].values.tolist()
+    whole = [Grid(ground, nodata=-9999), Grid(ground + 1, nodata=-9999)]
+    assert write_bands(tmp_path / "whole.tif", whole) == ()
+    assert [each.nodata for each in read_bands(tmp_path / "whole.tif")] == [-9999, -9999]
+    single = read_bands(tmp_path / "whole.tif")[:1]
+    write_bands(tmp_path / "single.tif", single)
+    assert len(read_bands(tmp_path / "single.tif")) == 1
 
 
 def test_a_geotiff_read_and_written_is_placed_the_same(tmp_path):

@@ -20,4 +20,6 @@ from ._lines import write_geojson as write_geojson
 from ._lines import write_svg as write_svg
 from ._registry import check_writable as check_writable
 from ._registry import read as read
+from ._registry import read_bands as read_bands
 from ._registry import write as write
+from ._registry import write_bands as write_bands

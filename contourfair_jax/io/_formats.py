@@ -1,6 +1,6 @@
 """The table of formats: a format is one row here and one module beside it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -49,6 +49,8 @@ class Format:
         Module of this package with the reader and the writer.
     reader, writer
         Names of the functions there; ``""`` where the format is only written or only read.
+    bands_writer
+        The same for several grids of one place in one file.
     outside
         The packages that the module needs; files are then read in a process of their own, because
         such packages cannot be trusted with damaged files.
@@ -63,6 +65,7 @@ class Format:
     module: str
     reader: str = "read"
     writer: str = "write"
+    bands_writer: str = ""
     outside: Outside | None = None
     folder: bool = False
     beside: str = ""
@@ -76,9 +79,16 @@ class Format:
 
     def write(self, path: Path, grid: Grid) -> tuple[str, ...]:
         """Write `path` with this format's writer."""
+        return self._writer(self.writer)(path, grid)
+
+    def write_bands(self, path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
+        """Write `path` with this format's writer of bands."""
+        return self._writer(self.bands_writer)(path, grids)
+
+    def _writer(self, function: str) -> Callable:
         if self.outside is not None:
             self.outside.check(f"writing {self.name}")
-        return self._load(self.writer)(path, grid)
+        return self._load(function)
 
     def _load(self, function: str) -> Callable:
         return getattr(import_module(f"{__package__}.{self.module}"), function)
@@ -94,13 +104,13 @@ _VTK = Outside("vtk", ("vtkmodules",))
 _NIBABEL, _NRRD, _ITK, _PYDICOM = (
     Outside("medical", (package,)) for package in ("nibabel", "nrrd", "SimpleITK", "pydicom")
 )
-_HEADER = "write_header"
+_HEADER, _BANDS = "write_header", "write_bands"
 
 FORMATS = (
     Format("NumPy array", (".npy",), "_npy"),
     Format("NumPy archive", (".npz",), "_npz"),
-    Format("PNG image", (".png",), "_image", writer="write_png"),
-    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff", outside=_TIFF),
+    Format("PNG image", (".png",), "_image", writer="write_png", bands_writer="write_png_bands"),
+    Format("TIFF or GeoTIFF", (".tif", ".tiff"), "_tiff", bands_writer=_BANDS, outside=_TIFF),
     Format("Gaussian cube", (".cube", ".cub"), "_cube", writer=""),
     Format("CCP4 or MRC map", (".ccp4", ".mrc", ".map"), "_ccp4", writer=""),
     Format("USGS DEM", (".dem",), "_geotiff", "read_usgs_dem", "", _RASTERIO),

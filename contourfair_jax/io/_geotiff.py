@@ -6,13 +6,15 @@ differ by half a pixel, so refining keeps every sample where it is and moves the
 
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import rasterio
 from rasterio.crs import CRS
+from rasterio.enums import ColorInterp
 from rasterio.errors import CRSError, NotGeoreferencedWarning
 from rasterio.transform import Affine
 
@@ -25,10 +27,12 @@ from ._missing import mark_missing, numeric, restore_nodata
 _TILE_FROM = 1024
 # So many bands are named in messages.
 _LISTED = 12
+_COLOUR = "colour"
+_COLOURS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
 
 
 def read(path: Path, key: str | None) -> Grid:
-    """One band, the first unless `key` is the number or the name of another."""
+    """One band, the first unless `key` is the number, the name or the colour of another."""
     return _read(path, key, "GTiff")
 
 
@@ -44,7 +48,8 @@ def read_ascii_grid(path: Path, key: str | None) -> Grid:
 
 def _read(path: Path, key: str | None, driver: str) -> Grid:
     with _quiet(), rasterio.open(path, driver=driver) as source:
-        band, notes = _band(source.count, source.descriptions, key)
+        names = _names(source)
+        band, notes = _band(names, key)
         if source.dtypes[band - 1].startswith("complex"):
             raise InputError("holds complex numbers; save the magnitude or one part")
         itemsize = np.dtype(source.dtypes[band - 1]).itemsize
@@ -60,6 +65,8 @@ def _read(path: Path, key: str | None, driver: str) -> Grid:
         }
         if source.descriptions[band - 1]:
             metadata["description"] = source.descriptions[band - 1]
+        if source.colorinterp[band - 1] in _COLOURS:
+            metadata[_COLOUR] = source.colorinterp[band - 1].name
         crs = source.crs.to_wkt() if source.crs else None
         affine = None if source.transform.is_identity else centre_affine(source.transform)
         if affine is None and source.gcps[0]:
@@ -81,15 +88,22 @@ def _read(path: Path, key: str | None, driver: str) -> Grid:
         missing=missing,
         metadata=metadata,
         notes=notes + more,
+        bands=tuple(str(k) for k in range(1, len(names) + 1)) if len(names) > 1 else (),
         source_dtype=source_dtype,
     )
 
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
     """Store one compressed band; missing samples get the nodata value."""
+    return write_bands(path, (grid,))
+
+
+def write_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
+    """Store grids of one place as compressed bands, all with one type and one nodata value."""
+    grid = grids[0]
     if grid.ndim != 2:
         raise InputError(f"a GeoTIFF holds 2-D data, this is {grid.ndim}-D; use .npz")
-    stored, nodata = restore_nodata(grid)
+    stored, nodata = _stored(grids)
     notes: tuple[str, ...] = ()
     if grid.nodata is not None and nodata != grid.nodata and not np.isnan(grid.nodata):
         notes = (
@@ -99,15 +113,15 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
         stored = stored.astype(np.float64)
     profile = {
         "driver": "GTiff",
-        "height": stored.shape[0],
-        "width": stored.shape[1],
-        "count": 1,
+        "count": len(stored),
+        "height": stored.shape[1],
+        "width": stored.shape[2],
         "dtype": stored.dtype.name,
         "nodata": nodata,
         "compress": "deflate",
         "predictor": 3 if stored.dtype.kind == "f" else 2,
         "BIGTIFF": "IF_SAFER",
-        "tiled": min(stored.shape) >= _TILE_FROM,
+        "tiled": min(grid.shape) >= _TILE_FROM,
     }
     if grid.affine is not None:
         profile["transform"] = corner_transform(grid.affine)
@@ -115,16 +129,32 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
             notes += ("a GeoTIFF keeps the steps of its coordinates, not the metric spacing",)
     if grid.crs is not None:
         profile["crs"] = _crs(grid.crs)
-    tags = dict(grid.metadata)
+    colours = tuple(each.metadata.get(_COLOUR, "undefined") for each in grids)
+    if colours[:3] == ("red", "green", "blue"):
+        profile["photometric"] = "RGB"
     with _quiet(), rasterio.open(path, "w", **profile) as target:
-        target.write(stored, 1)
-        description = tags.pop("description", None)
-        if description:
-            target.set_band_description(1, description)
-        if grid.units:
-            target.set_band_unit(1, grid.units)
-        target.update_tags(**tags)
+        target.write(stored)
+        if len(grids) > 1:
+            target.colorinterp = [ColorInterp[name] for name in colours]
+        for band, each in enumerate(grids, 1):
+            if each.metadata.get("description"):
+                target.set_band_description(band, each.metadata["description"])
+            if each.units:
+                target.set_band_unit(band, each.units)
+        own = ("description", _COLOUR)
+        target.update_tags(**{k: v for k, v in grid.metadata.items() if k not in own})
     return notes
+
+
+def _stored(grids: Sequence[Grid]) -> tuple[np.ndarray, float | int | None]:
+    """Bands of one type, and the nodata value of them all: NaN where one value does not do."""
+    dtype = np.result_type(*(each.values for each in grids))
+    nodata = next((each.nodata for each in grids if each.nodata is not None), None)
+    alike = [replace(each, values=each.values.astype(dtype), nodata=nodata) for each in grids]
+    pairs = [restore_nodata(each) for each in alike]
+    if len({repr(value) for _, value in pairs}) > 1:
+        pairs = [restore_nodata(replace(each, nodata=np.nan)) for each in alike]
+    return np.stack([values for values, _ in pairs]), pairs[0][1]
 
 
 def centre_affine(transform: Affine) -> np.ndarray:
@@ -140,15 +170,20 @@ def corner_transform(affine: np.ndarray) -> Affine:
     return Affine(a, b, x - (a + b) / 2, d, e, y - (d + e) / 2)
 
 
-def _band(
-    count: int, names: tuple[str | None, ...], key: str | None
-) -> tuple[int, tuple[str, ...]]:
-    listed = [f"{k} {name or ''}".strip() for k, name in enumerate(names, 1)]
+def _names(source: rasterio.DatasetReader) -> tuple[str, ...]:
+    """What the bands are called: by their description, or by their colour, or not at all."""
+    colours = [each.name if each in _COLOURS else "" for each in source.colorinterp]
+    return tuple(a or b for a, b in zip(source.descriptions, colours, strict=True))
+
+
+def _band(names: tuple[str, ...], key: str | None) -> tuple[int, tuple[str, ...]]:
+    count = len(names)
+    listed = [f"{k} {name}".strip() for k, name in enumerate(names, 1)]
     known = ", ".join(listed[:_LISTED] + [f"... {count}"] * (count > _LISTED))
     if key is None:
         note = f"band 1 of {count} is read, the others are left out; choose with a key of {known}"
         return 1, (note,) if count > 1 else ()
-    if key in names:
+    if key and key in names:
         return names.index(key) + 1, ()
     if not key.isdecimal() or not 1 <= int(key) <= count:
         raise InputError(f"has no band {key!r}; it has {known}")

@@ -53,6 +53,9 @@ class Grid:
         Further text that came with the file and is written back where the format can.
     notes
         What a reader had to decide, one line each, to be told to the user.
+    bands
+        The keys that choose the bands of the file, or the channels of a colour image, where it has
+        several; the samples are those of one of them.
     source_dtype
         Type of the samples in the file; by default that of `values`.
     """
@@ -68,6 +71,7 @@ class Grid:
     missing: np.ndarray | None = None
     metadata: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    bands: tuple[str, ...] = ()
     source_dtype: np.dtype = None  # pyright: ignore[reportAssignmentType]
 
     def __post_init__(self) -> None:

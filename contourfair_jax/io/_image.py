@@ -1,8 +1,9 @@
 """PNG images and plain TIFF (one page, or a stack of equal pages as a volume), with Pillow."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +14,26 @@ from ._grid import Grid
 from ._limits import check_memory
 from ._missing import mark_missing, numeric
 
+_CHANNELS = ("red", "green", "blue", "alpha")
 _TIFF_TYPES = ("uint8", "uint16", "int32", "float32")
 
 
 def read(path: Path, key: str | None) -> Grid:
-    """Grey values; colour becomes luminance, fully transparent pixels are missing."""
-    if key is not None:
-        raise InputError(f"is a plain image, so there is no {key!r} to choose")
+    """Grey values; colour becomes luminance unless `key` names a channel.
+
+    Fully transparent pixels are missing.
+    """
     with _opened(path) as image:
         pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
         check_memory(image.width * image.height * pages * 8, f"an image of {image.size} pixels")
+        channels = _channels(image) if pages == 1 else ()
+        if key is not None and key not in channels:
+            known = f"the channels {', '.join(channels)}" if channels else "grey values only"
+            raise InputError(f"is a plain image, so there is no {key!r} to choose: it has {known}")
         if pages == 1:
-            return _grid(*_grey(image))
-        read_pages = [_grey(page) for page in ImageSequence.Iterator(image)]
+            colour = {} if key is None else {"colour": key}
+            return replace(_grid(*_samples(image, key)), bands=channels, metadata=colour)
+        read_pages = [_samples(page) for page in ImageSequence.Iterator(image)]
     if len({(samples.shape, samples.dtype) for samples, _, _ in read_pages}) != 1:
         raise InputError(f"has {pages} pages of different size or type; save them one by one")
     masks = [np.zeros(s.shape, bool) if mask is None else mask for s, mask, _ in read_pages]
@@ -47,6 +55,25 @@ def write_png(path: Path, grid: Grid) -> tuple[str, ...]:
         raise InputError("a 16-bit PNG cannot mark missing samples; use .tif or .npz")
     image.save(path, format="PNG")
     return notes + _lost_geometry(grid, "a PNG", ".tif and .npz")
+
+
+def write_png_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
+    """Store red, green, blue and perhaps alpha, 8 bits each; missing pixels are transparent."""
+    if len(grids) not in (3, 4) or any(each.source_dtype != np.uint8 for each in grids):
+        types = ", ".join(str(each.source_dtype) for each in grids)
+        raise InputError(
+            f"a PNG holds 3 or 4 channels of 8 bits, the source has {len(grids)} ({types}); "
+            "use .tif"
+        )
+    quantised = [_quantised(each) for each in grids]
+    channels = [samples for samples, _ in quantised]
+    missing = np.any([each.missing for each in grids if each.missing is not None], axis=0)
+    if missing.any():
+        opaque = channels[3] if len(grids) == 4 else np.full(grids[0].shape, 255, np.uint8)
+        channels[3:] = [np.where(missing, np.uint8(0), opaque)]
+    Image.fromarray(np.stack(channels, axis=-1)).save(path, format="PNG")
+    notes = dict.fromkeys(note for _, each in quantised for note in each)
+    return (*notes, *_lost_geometry(grids[0], "a PNG", ".tif and .npz"))
 
 
 def write_tiff(path: Path, grid: Grid) -> tuple[str, ...]:
@@ -96,14 +123,27 @@ def _opened(path: Path) -> Iterator[Image.Image]:
             yield image
 
 
-def _grey(image: Image.Image) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
-    """Samples, mask of transparent pixels, notes."""
+def _channels(image: Image.Image) -> tuple[str, ...]:
+    """The channels of a colour image; alpha is one where it is more than a mask."""
+    if image.mode not in ("RGB", "RGBA", "P", "PA", "CMYK", "YCbCr", "LAB", "HSV"):
+        return ()
+    alpha = np.asarray(image.convert("RGBA"))[..., 3]
+    return _CHANNELS if ((alpha > 0) & (alpha < 255)).any() else _CHANNELS[:3]
+
+
+def _samples(
+    image: Image.Image, channel: str | None = None
+) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
+    """Grey values or those of one channel, mask of transparent pixels, notes."""
     deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
     if deep or (image.mode in ("L", "1") and "transparency" not in image.info):
         samples = numeric(np.asarray(image))
         return samples.astype(np.int16) if _is_int16(image) else samples, None, ()
     colour = np.asarray(image.convert("RGBA"))
     transparent = colour[..., 3] == 0
+    if channel is not None:
+        chosen = np.ascontiguousarray(colour[..., _CHANNELS.index(channel)])
+        return chosen, None if channel == "alpha" else transparent, ()
     red, green, blue = colour[..., 0], colour[..., 1], colour[..., 2]
     if (red == green).all() and (red == blue).all():
         return np.ascontiguousarray(red), transparent, ()

@@ -115,6 +115,7 @@ def _receive(stream: IO[bytes]) -> Grid:
         nodata=header["nodata"],
         metadata=header["metadata"],
         notes=tuple(header["notes"]),
+        bands=tuple(header["bands"]),
         source_dtype=np.dtype(header["source_dtype"]),
     )
 

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ._atomic import (
@@ -19,6 +20,12 @@ from ._grid import Grid
 
 # Endings of compressed files and archives.
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".tar", ".tgz")
+# What messages call the functions of a format.
+_VERBS = {
+    "reader": "read",
+    "writer": "written",
+    "bands_writer": "written with several bands",
+}
 
 
 def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
@@ -55,6 +62,20 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
         raise InputError(f"{path}: cannot be read as {chosen.name}: {one_line(error)}") from error
 
 
+def read_bands(path: str | os.PathLike[str]) -> tuple[Grid, ...]:
+    """All bands of a GeoTIFF, or channels of a colour image, one grid each.
+
+    Of a file without bands, the one grid that `read` gives.
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    first = read(path)
+    return tuple(read(path, key) for key in first.bands) or (first,)
+
+
 def write(path: str | os.PathLike[str], grid: Grid) -> tuple[str, ...]:
     """Store a grid; `path` is replaced when all is written, or left as it was.
 
@@ -70,33 +91,58 @@ def write(path: str | os.PathLike[str], grid: Grid) -> tuple[str, ...]:
     InputError
         The format cannot hold the grid, or the file cannot be written.
     """
-    chosen = _format(path, "writer")
+    return write_bands(path, (grid,))
+
+
+def write_bands(path: str | os.PathLike[str], grids: Sequence[Grid]) -> tuple[str, ...]:
+    """As `write`, for grids of one place and shape that become bands or channels of one file.
+
+    Their type and nodata value become one.  Coordinates and texts are those of the first; names,
+    units and colours are kept for each band.
+    """
+    if not grids:
+        raise InputError(f"{path}: there are no bands to write")
+    chosen, store = _writer(path, grids)
     with _replacing(chosen, path) as partial:
         try:
-            return chosen.write(partial, grid)
+            return store(partial)
         except InputError as error:
             raise type(error)(f"{path}: {error}") from error
 
 
-def check_writable(path: str | os.PathLike[str], like: Grid | None = None) -> None:
+def check_writable(path: str | os.PathLike[str], *like: Grid) -> None:
     """Raise now what `write` would raise about the file's name, folder and permissions.
 
-    With `like`, also what it would raise about a grid of that kind: its corner is written to a
+    With `like`, also what it would raise about grids of that kind: their corners are written to a
     temporary folder, so that a long computation does not end in a format that cannot hold it.
     """
-    chosen = _format(path, "writer")
+    corners = [grid.crop([(0, min(2, n)) for n in grid.shape]) for grid in like]
+    chosen, store = _writer(path, corners)
     if chosen.beside:
         check_pair(path, chosen.beside)
     else:
         (check_folder if chosen.folder else check_target)(path)
-    if like is None:
+    if not corners:
         return
-    corner = like.crop([(0, min(2, n)) for n in like.shape])
     with tempfile.TemporaryDirectory() as folder:
         try:
-            chosen.write(Path(folder) / f"probe{chosen.suffixes[0]}", corner)
+            store(Path(folder) / f"probe{chosen.suffixes[0]}")
         except InputError as error:
             raise type(error)(f"{path}: {error}") from error
+
+
+def _writer(
+    path: str | os.PathLike[str], grids: Sequence[Grid]
+) -> tuple[Format, Callable[[Path], tuple[str, ...]]]:
+    """The format that the name asks for, and what stores the grids in it."""
+    if len(grids) <= 1:
+        chosen = _format(path, "writer")
+        return chosen, lambda where: chosen.write(where, grids[0])
+    if len({grid.shape for grid in grids}) > 1:
+        shapes = ", ".join(str(grid.shape) for grid in grids)
+        raise InputError(f"{path}: bands must have one shape, got {shapes}")
+    chosen = _format(path, "bands_writer")
+    return chosen, lambda where: chosen.write_bands(where, grids)
 
 
 def _replacing(
@@ -122,6 +168,6 @@ def _format(path: str | os.PathLike[str], wanted: str) -> Format:
         raise InputError(f"{path}: is compressed as a whole; unpack it and read what is in it")
     if not fitting:
         known = ", ".join(suffix for each in usable for suffix in each.suffixes)
-        verb = "read" if wanted == "reader" else "written"
+        verb = _VERBS[wanted]
         raise InputError(f"{path}: files of this name are not {verb}; known suffixes: {known}")
     return max(fitting, key=lambda pair: pair[0])[1]

@@ -1,5 +1,6 @@
 """``.tif`` files: GeoTIFF where there is something to georeference, plain images otherwise."""
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -34,6 +35,11 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     if plain and not find_spec("rasterio"):
         return _image.write_tiff(path, grid)
     return _geotiff("writing").write(path, grid)
+
+
+def write_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
+    """Store grids of one place as bands."""
+    return _geotiff("writing").write_bands(path, grids)
 
 
 def _geotiff(doing: str):

@@ -46,6 +46,7 @@ def send_grid(stream: IO[bytes], grid: Grid) -> None:
         "nodata": nodata,
         "metadata": dict(grid.metadata),
         "notes": grid.notes,
+        "bands": grid.bands,
         "source_dtype": grid.source_dtype.str,
     }
     stream.write(json.dumps(header).encode() + b"\n")

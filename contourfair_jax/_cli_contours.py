@@ -19,13 +19,15 @@ from ._options import (
     Key,
     Levels,
     Method,
+    Periodic,
     Quiet,
     Single,
     Weight,
     examples,
     output,
 )
-from ._run import Settings, check_fairable, fair, precision
+from ._periodic import closed
+from ._run import Settings, check_fairable, fair, periodic_axes, precision
 from ._steps import check_suffix, levels_of, load
 from .io import InputError, write_svg
 
@@ -58,6 +60,7 @@ def contours(
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
     fill: Fill = False,
+    periodic: Periodic = None,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -79,13 +82,15 @@ def contours(
         check_suffix(plot, (".png",))
     grid = load(source, key, target, say, fill)
     check_fairable(grid, ndim=(2,))
+    around = periodic_axes(grid, periodic)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single):
         with say.working(f"fairing {' x '.join(map(str, grid.shape))} samples"):
-            field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+            field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
         with say.working("tracing contours") as progress:
             store = _store_bands if filled else _store_lines
-            text, facts, notes = store(target, field, chosen, tolerance, grid, progress)
+            shown = closed(grid, around)
+            text, facts, notes = store(target, field, chosen, tolerance, shown, progress)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):

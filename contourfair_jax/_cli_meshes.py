@@ -15,13 +15,14 @@ from ._options import (
     Json,
     Key,
     Method,
+    Periodic,
     Quiet,
     Single,
     Weight,
     examples,
     output,
 )
-from ._run import Settings, check_fairable, fair, precision
+from ._run import Settings, check_fairable, fair, periodic_axes, precision
 from ._steps import check_suffix, load
 from .io import InputError
 
@@ -40,6 +41,7 @@ def isosurface(
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
     fill: Fill = False,
+    periodic: Periodic = None,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -59,9 +61,10 @@ def isosurface(
         check_suffix(plot, (".png",))
     grid = load(source, key, target, say, fill)
     check_fairable(grid, ndim=(3,))
+    around = periodic_axes(grid, periodic)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
     try:
         with precision(single), say.working("tracing the surface") as move:
             mesh = trace(field, level, tolerance, move)
@@ -107,6 +110,7 @@ def adaptive(
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
     fill: Fill = False,
+    periodic: Periodic = None,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -127,9 +131,10 @@ def adaptive(
         check_suffix(plot, (".png",))
     grid = load(source, key, target, say, fill)
     check_fairable(grid)
+    around = periodic_axes(grid, periodic)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
     try:
         with precision(single), say.working("refining") as move:
             found = refine(field, tolerance, move)

@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ._periodic import TURN, check_turn, margin_of, with_turns
 from .io._coordinates import is_time
 from .io._geometry import affine_from_axes
-
-# Samples added beyond the seam of an axis that goes all around.
-_WRAP = 16
-_TURN = 360.0
 
 
 @dataclass(frozen=True)
@@ -47,14 +44,12 @@ class Axis:
         The first sample is then at the index `margin`.
         """
         values = np.flip(values, axis) if self.step < 0 else values
-        n = values.shape[axis]
-        around = np.arange(-self.margin, n + self.margin + 1) % n
-        return np.take(values, around, axis) if self.periodic else values
+        return with_turns(values, axis) if self.periodic else values
 
     @property
     def margin(self) -> int:
         """Samples before the first one in `upward`."""
-        return min(_WRAP, len(self.coordinate)) if self.periodic else 0
+        return margin_of(len(self.coordinate)) if self.periodic else 0
 
     def turned(self, finer: np.ndarray, axis: int, factor: int) -> np.ndarray:
         """Refined values of one ascending turn in the direction of the coordinate."""
@@ -119,11 +114,8 @@ def _axis(array: xr.DataArray, dim: Hashable, periodic: bool) -> Axis:
             f"coordinate {dim!r} holds {values.dtype}, which has no length; leave it out of dims"
         )
     step = float(affine_from_axes([values], [str(dim)])[0, 0])
-    turn = str(coordinate.attrs.get("units", "")).startswith("degree")
-    if periodic and turn and abs(n * abs(step) - _TURN) > 0.01 * abs(step):
-        raise ValueError(
-            f"coordinate {dim!r} covers {n * abs(step):g} degrees, not 360; it is not periodic"
-        )
+    if periodic:
+        check_turn(str(dim), n, abs(step), str(coordinate.attrs.get("units", "")))
     return Axis(dim, values, step, periodic)
 
 
@@ -165,7 +157,7 @@ def _jumps(coordinate: xr.DataArray) -> bool:
     values = coordinate.to_numpy()
     steps = [np.abs(np.diff(values, axis=k)).max(initial=0) for k in range(values.ndim)]
     degrees = str(coordinate.attrs.get("units", "")).startswith("degree")
-    return degrees and max(steps, default=0) > _TURN / 2
+    return degrees and max(steps, default=0) > TURN / 2
 
 
 def _linear(values: np.ndarray, axis: int, factor: int) -> np.ndarray:

@@ -72,6 +72,15 @@ Method = Annotated[
         autocompletion=lambda: list(METHODS),
     ),
 ]
+Periodic = Annotated[
+    str | None,
+    typer.Option(
+        "--periodic",
+        help="Axes that go all the way round, such as lon, separated by commas: after the last "
+        "sample comes the first.",
+        show_default=False,
+    ),
+]
 Bands = Annotated[
     bool,
     typer.Option(

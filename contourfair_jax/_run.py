@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._periodic import check_turn, one_turn, with_turns
 from .io import Grid, InputError, check_memory, exact_float
+from .io._geometry import spacing_of
 
 if TYPE_CHECKING:
     from . import BezierField
@@ -123,10 +125,40 @@ def check_fill(method: str, fill: bool) -> None:
         raise InputError("--fill needs --method global or tune; local fairing leaves gaps")
 
 
-def fair(grid: Grid, method: str, settings: Settings, fill: bool = False) -> BezierField:
+def periodic_axes(grid: Grid, names: str | None) -> tuple[int, ...]:
+    """The axes of the names, separated by commas, that go all the way round.
+
+    Raises
+    ------
+    InputError
+        The grid has no such axis, or one that is in degrees and covers no full turn.
+    """
+    wanted = [name.strip() for name in names.split(",")] if names else []
+    for name in wanted:
+        if name not in grid.axes:
+            raise InputError(
+                f"--periodic: there is no axis {name!r}; there are {', '.join(grid.axes)}"
+            )
+        axis = grid.axes.index(name)
+        step = grid.spacing[axis] if grid.affine is None else spacing_of(grid.affine)[axis]
+        try:
+            check_turn(name, grid.shape[axis], step, grid.metadata.get(f"{name}:units", ""))
+        except ValueError as error:
+            raise InputError(f"--periodic: {error}") from error
+    return tuple(grid.axes.index(name) for name in dict.fromkeys(wanted))
+
+
+def fair(
+    grid: Grid,
+    method: str,
+    settings: Settings,
+    fill: bool = False,
+    periodic: tuple[int, ...] = (),
+) -> BezierField:
     """The fair field of the samples, in field coordinates, in the present `precision`.
 
-    Cells with a missing corner have no values, unless `fill` is set.
+    Cells with a missing corner have no values, unless `fill` is set.  Along `periodic` axes the
+    field goes on to the first sample of the next turn.
 
     Raises
     ------
@@ -140,13 +172,22 @@ def fair(grid: Grid, method: str, settings: Settings, fill: bool = False) -> Bez
     from ._gaps import without_gaps
 
     check_fill(method, fill)
-    values = jnp.asarray(grid.values, dtype=float)
+    values, missing = grid.values, grid.missing
+    for axis in periodic:
+        values = with_turns(values, axis)
+        missing = None if missing is None else with_turns(missing, axis)
     chosen = choose_method(grid, method, settings)
     try:
-        field = fair_field(values, spacing=grid.spacing, origin=grid.origin, method=chosen)
+        field = fair_field(
+            jnp.asarray(values, dtype=float),
+            spacing=grid.spacing,
+            origin=grid.origin,
+            method=chosen,
+        )
     except ValueError as error:
         raise InputError(str(error)) from error
-    if grid.missing is not None and not fill:
-        net = without_gaps(field.control_points, grid.missing)
-        field = replace(field, control_points=net)
+    if missing is not None and not fill:
+        field = replace(field, control_points=without_gaps(field.control_points, missing))
+    if periodic:
+        field = one_turn(field, [n if k in periodic else None for k, n in enumerate(grid.shape)])
     return jax.block_until_ready(field)

@@ -21,6 +21,7 @@ from ._run import (
     check_fill,
     choose_method,
     fair,
+    periodic_axes,
     precision,
     result_dtype,
 )
@@ -92,8 +93,11 @@ def upsample_whole(
     fill: bool,
     say: Reporter,
     bands: bool = False,
+    periodic: str | None = None,
 ) -> Output:
     """Read, refine and write; with `bands`, all of the file, each by itself.
+
+    The names of the `periodic` axes are separated by commas.
 
     Raises
     ------
@@ -109,6 +113,7 @@ def upsample_whole(
     dtype = np.result_type(*(result_dtype(grid, single) for grid in grids))
     check_writable(target, *(replace(each, values=each.values.astype(dtype)) for each in grids))
     warn_narrowing(grids[0], single, say)
+    around = periodic_axes(grids[0], periodic)
     several = (len(grids),) if len(grids) > 1 else ()
     size = " x ".join(str(n) for n in several + grids[0].shape)
     results: list[Grid] = []
@@ -116,8 +121,9 @@ def upsample_whole(
         for grid in grids:
             if several:
                 move(len(results), len(grids))
-            finer = np.asarray(fair(grid, method, settings, fill).refine(factor))
-            results.append(grid.refined(finer.astype(dtype, copy=False), factor))
+            finer = np.asarray(fair(grid, method, settings, fill, around).refine(factor))
+            turn = tuple(slice(-1) if k in around else slice(None) for k in range(grid.ndim))
+            results.append(grid.refined(finer[turn].astype(dtype, copy=False), factor, around))
     with say.working(f"writing {target}"):
         notes = write_bands(target, results)
     for note in notes:

@@ -36,6 +36,7 @@ from ._options import (
     Levels,
     Memory,
     Method,
+    Periodic,
     Quiet,
     Resume,
     Single,
@@ -100,6 +101,7 @@ def upsample(
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
     fill: Fill = False,
+    periodic: Periodic = None,
     key: Key = None,
     bands: Bands = False,
     single: Single = False,
@@ -111,7 +113,8 @@ def upsample(
 ) -> None:
     """Refine samples on the fair field: every sample is kept, and positions stay right.
 
-    The result has [bold]factor * (n - 1) + 1[/] samples per axis.  Missing samples stay missing.
+    The result has [bold]factor * (n - 1) + 1[/] samples per axis, [bold]factor * n[/] where it is
+    periodic.  Missing samples stay missing.
 
     Zarr folders, and large .npy files, are written part by part: they need not fit in memory.
     """
@@ -123,12 +126,17 @@ def upsample(
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
     if is_tiled(source, target, method, tiling) and not bands:
+        if periodic:
+            raise InputError(
+                f"{target}: --periodic is for outputs that are written as a whole; from Python, "
+                "xarray's .fair.upsample does it for Zarr"
+            )
         made = upsample_in_tiles(
             source, target, factor, method, settings, key, single, tiling, fill, say
         )
     else:
         made = upsample_whole(
-            source, target, factor, method, settings, key, single, fill, say, bands
+            source, target, factor, method, settings, key, single, fill, say, bands, periodic
         )
     say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
 

@@ -23,6 +23,7 @@ from . import BezierField, fair_field
 from ._labelled import Axis, axes_of, refined_coordinates, untouched_coordinates
 from ._local import LocalFairing
 from ._method import AbstractFairing
+from ._periodic import one_turn
 from .contours import Contours, Levels, contours
 from .io import exact_float
 
@@ -250,13 +251,8 @@ def _with_field(
     spacing = [abs(axis.step) for axis in axes]
     with jax.enable_x64(dtype == np.float64 or jax.config.read("jax_enable_x64")):
         field = fair_field(values, spacing=spacing, method=method)
-        net = tuple(
-            slice(3 * axis.margin, 3 * (axis.margin + len(axis.coordinate)) + 1)
-            if axis.periodic
-            else slice(None)
-            for axis in axes
-        )
-        return use(BezierField(field.control_points[net], field.spacing, field.origin))
+        counts = [len(axis.coordinate) if axis.periodic else None for axis in axes]
+        return use(one_turn(field, counts))
 
 
 def _target(array: xr.DataArray, axis: Axis, wanted: Any) -> xr.DataArray:

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -110,6 +111,74 @@ def test_every_band_needs_a_file_that_has_several(run, tmp_path):
         code, out, err = run("upsample", tmp_path / "two.tif", "--all-bands", *options)
         assert (code, out) == (2, "")
         assert message in err
+
+
+@pytest.fixture
+def around(tmp_path):
+    """Samples all around the globe, with a gap at the seam."""
+    turn = np.arange(0.0, 360.0, 20.0)
+    values = np.cos(np.radians(turn - 10)) * np.linspace(1, 2, 7)[:, None]
+    values[0, -1] = np.nan
+    affine = np.array([[-10.0, 0.0, 30.0], [0.0, 20.0, 0.0], [0.0, 0.0, 1.0]])
+    told = {"name": "t", "x:units": "degrees_east"}
+    path = tmp_path / "around.nc"
+    write(path, Grid(values, affine=affine, missing=np.isnan(values), metadata=told))
+    return path
+
+
+@pytest.mark.parametrize("method", ["local", "global"])
+def test_a_periodic_axis_has_no_seam(run, around, tmp_path, method):
+    """Rolled samples give the rolled result; the last interval is that before the first sample."""
+    grid = read(around)
+    rolled = np.roll(grid.values, 5, axis=1)
+    other = tmp_path / "rolled.nc"
+    write(other, replace(grid, values=rolled, missing=np.isnan(rolled)))
+    finer = []
+    for source in (around, other):
+        target = tmp_path / f"fine_{source.name}"
+        options = ("-o", target, "-f", 3, "--periodic", "x", "--method", method)
+        code, out, _ = run("upsample", source, *options)
+        assert (code, out.split(": ")[1][:7]) == (0, "19 x 54")
+        finer.append(read(target))
+    atol = 0 if method == "local" else 1e-3  # of iterations that end early
+    np.testing.assert_allclose(
+        np.roll(finer[0].values, 15, 1), finer[1].values, rtol=1e-6, atol=atol
+    )
+    np.testing.assert_array_equal(finer[0].values[::3, ::3], grid.values)
+    np.testing.assert_allclose(finer[0].affine[1], [0, 20 / 3, 0], rtol=1e-12)
+
+
+def test_contours_go_on_through_the_seam(run, around, tmp_path):
+    """Lines of the globe end where the next turn begins, at the height where they begin."""
+    ends = []
+    for name in ("lines.geojson", "lines.svg"):
+        target = tmp_path / name
+        assert run("contours", around, "-o", target, "--levels", "1.6", "--periodic", "x")[0] == 0
+    for each in json.loads((tmp_path / "lines.geojson").read_text())["features"]:
+        x, y = np.array(each["geometry"]["coordinates"]).T
+        assert x.max() <= 360
+        ends += [(x[k] % 360, y[k]) for k in (0, -1) if x[k] in (0, 360)]
+    assert len(ends) == 2
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+    svg = (tmp_path / "lines.svg").read_text()
+    width = float(re.search(r'viewBox="0 0 (\S+)', svg)[1])
+    drawn = [float(x) for x in re.findall(r"[ML]([\d.]+),", svg)]
+    assert 0.99 * width < max(drawn) <= width
+
+
+def test_what_is_not_periodic_is_refused(run, around, tmp_path):
+    np.save(tmp_path / "in.npy", hill())
+    faults = [
+        (around, "out.nc", "lon", "there is no axis 'lon'; there are y, x"),
+        (around, "out.nc", "y,q", "there is no axis 'q'"),
+        (tmp_path / "in.npy", "out.zarr", "x", "written as a whole"),
+    ]
+    for source, target, names, message in faults:
+        code, out, err = run("upsample", source, "-o", tmp_path / target, "--periodic", names)
+        assert (code, out) == (2, "")
+        assert message in err
+    options = ("-o", tmp_path / "out.nc", "--periodic", "x", "--key", "x=0:9")
+    assert "covers 180 degrees, not 360" in run("upsample", around, *options)[2]
 
 
 def test_upsample_takes_the_methods_settings(run, tmp_path):

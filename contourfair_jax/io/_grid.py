@@ -145,12 +145,15 @@ class Grid:
         index = (points - np.asarray(self.origin)) / np.asarray(self.spacing)
         return index @ self.affine[:-1, :-1].T + self.affine[:-1, -1]
 
-    def refined(self, values: np.ndarray, factor: int) -> Grid:
+    def refined(self, values: np.ndarray, factor: int, periodic: Sequence[int] = ()) -> Grid:
         """`values` on the grid that is `factor` times finer; its NaN are missing samples.
 
-        Sample ``i`` becomes sample ``factor * i``, so no sample position moves.
+        Sample ``i`` becomes sample ``factor * i``, so no sample position moves.  `periodic` axes go
+        on until just before the next turn.
         """
-        expected = tuple(factor * (n - 1) + 1 for n in self.shape)
+        expected = tuple(
+            factor * n if k in periodic else factor * (n - 1) + 1 for k, n in enumerate(self.shape)
+        )
         if values.shape != expected:
             raise InputError(f"values refined by {factor} must be {expected}, got {values.shape}")
         missing = np.isnan(values)

@@ -12,6 +12,8 @@ from ._grid import Grid
 
 # ModelPixelScale, ModelTiepoint, ModelTransformation, GeoKeyDirectory, GDAL_METADATA, GDAL_NODATA
 _GEO_TAGS = frozenset((33550, 33922, 34264, 34735, 42112, 42113))
+# PhotometricInterpretation, ExtraSamples, and their values for grey and for alpha.
+_PHOTOMETRIC, _EXTRA, _GREY, _ALPHA = 262, 338, (0, 1), (1, 2)
 
 
 def read(path: Path, key: str | None) -> Grid:
@@ -53,10 +55,12 @@ def _geotiff(doing: str):
 
 
 def _kind(path: Path) -> str:
-    """``geo``, ``plain``, or ``unknown`` where Pillow cannot tell."""
+    """``geo``, also for several bands, ``plain``, or ``unknown`` where Pillow cannot tell."""
     try:
         with Image.open(path, formats=("TIFF",)) as image:
-            tags = set(getattr(image, "tag_v2", ()))
+            tags = getattr(image, "tag_v2", {})
     except (Image.UnidentifiedImageError, Image.DecompressionBombError):
         return "unknown"
-    return "geo" if tags & _GEO_TAGS else "plain"
+    beyond_grey = tags.get(_EXTRA, ()) if tags.get(_PHOTOMETRIC) in _GREY else ()
+    several = any(each not in _ALPHA for each in beyond_grey)
+    return "geo" if several or _GEO_TAGS & set(tags) else "plain"

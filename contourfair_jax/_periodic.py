@@ -1,0 +1,65 @@
+"""Axes that go all the way round: parts of the turns beside are faired too, and then cut off."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ._field import BezierField
+    from .io import Grid
+
+# Samples added beyond the seam.
+_MARGIN = 16
+TURN = 360.0
+
+
+def margin_of(count: int) -> int:
+    """Samples that are added before the first of `count`; after the last there is one more."""
+    return min(_MARGIN, count)
+
+
+def with_turns(values: Any, axis: int) -> Any:
+    """`values` with parts of the turns before and after along `axis`: as much as `margin_of`."""
+    n = values.shape[axis]
+    return np.take(values, np.arange(-margin_of(n), n + margin_of(n) + 1) % n, axis)
+
+
+def one_turn(field: BezierField, counts: Sequence[int | None]) -> BezierField:
+    """The field from the first sample through that of the next turn.
+
+    `counts` has the samples of one turn of each axis that was given its turns, else None.
+    """
+    part = tuple(
+        slice(None) if n is None else slice(3 * margin_of(n), 3 * (margin_of(n) + n) + 1)
+        for n in counts
+    )
+    return replace(field, control_points=field.control_points[part], report=None)
+
+
+def closed(grid: Grid, axes: Sequence[int]) -> Grid:
+    """The grid with the first sample of the next turn at the end of `axes`."""
+    values, missing = grid.values, grid.missing
+    for axis in axes:
+        order = np.arange(values.shape[axis] + 1) % values.shape[axis]
+        values = np.take(values, order, axis)
+        missing = None if missing is None else np.take(missing, order, axis)
+    return replace(grid, values=values, missing=missing)
+
+
+def check_turn(name: str, count: int, step: float, units: str) -> None:
+    """Refuse an axis in degrees that is not all around.
+
+    Raises
+    ------
+    ValueError
+        Its samples cover more or less than 360 degrees.
+    """
+    covered = count * step
+    if units.startswith("degree") and abs(covered - TURN) > 0.01 * step:
+        raise ValueError(
+            f"coordinate {name!r} covers {covered:g} degrees, not 360; it is not periodic"
+        )

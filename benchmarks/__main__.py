@@ -32,6 +32,7 @@ from benchmarks import (
     robustness,
     seams,
     surfaces,
+    synthetic,
     table2,
     targets,
     tiles,
@@ -58,6 +59,9 @@ BENCHMARKS = {
     "real2d": Benchmark(real.run, real.tables, True, "Real 2-D fields, half the samples dropped."),
     "real3d": Benchmark(
         partial(real.run, ndim=3), real.tables, True, "Real volumes, half the samples dropped."
+    ),
+    "synthetic": Benchmark(
+        synthetic.run, synthetic.tables, True, "Made-up fields, every fourth sample kept."
     ),
     "protocols": Benchmark(protocols.run, protocols.tables, True, "Disks, ridges, normals."),
     "robustness": Benchmark(

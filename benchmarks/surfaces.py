@@ -77,7 +77,7 @@ def tables(result: Result) -> dict[str, str]:
             row["euler"],
             row["open"],
             row["unmet"],
-            row.get("unproved", "–"),
+            row["unproved"],
             f"{row['seconds']:.1f}",
         ]
         for row in result["rows"]

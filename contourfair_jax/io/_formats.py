@@ -49,8 +49,6 @@ class Format:
         Module of this package with the reader and the writer.
     reader, writer
         Names of the functions there; ``""`` where the format is only written or only read.
-    bands_writer
-        The same for several grids of one place in one file.
     outside
         The packages that the module needs; files are then read in a process of their own, because
         such packages cannot be trusted with damaged files.
@@ -58,6 +56,8 @@ class Format:
         Whether the format is a folder, not a file.
     beside
         Suffix of the file of samples that the writer leaves beside a header; ``""`` for none.
+    bands_writer
+        Name of the function that writes several grids of one place to one file; ``""`` for none.
     """
 
     name: str
@@ -65,10 +65,10 @@ class Format:
     module: str
     reader: str = "read"
     writer: str = "write"
-    bands_writer: str = ""
     outside: Outside | None = None
     folder: bool = False
     beside: str = ""
+    bands_writer: str = ""
 
     def read(self, path: Path, key: str | None) -> Grid:
         """Read `path` with this format's reader."""

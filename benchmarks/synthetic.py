@@ -32,7 +32,7 @@ class Member:
 def _axes(count: int, ndim: int) -> list[Array]:
     """Coordinates in samples that are kept, on the fine grid."""
     axis = np.arange(FACTOR * (count - 1) + 1) / FACTOR
-    return np.meshgrid(*[axis] * ndim, indexing="ij")
+    return list(np.meshgrid(*[axis] * ndim, indexing="ij"))
 
 
 def _smooth_noise(random: np.random.Generator, shape: tuple[int, ...], sigma: float) -> Array:

@@ -114,16 +114,18 @@ def upsample_whole(
     check_writable(target, *(replace(each, values=each.values.astype(dtype)) for each in grids))
     warn_narrowing(grids[0], single, say)
     around = periodic_axes(grids[0], periodic)
-    several = (len(grids),) if len(grids) > 1 else ()
-    size = " x ".join(str(n) for n in several + grids[0].shape)
+    shape, count = grids[0].shape, len(grids)
+    several: tuple[int, ...] = (count,) if count > 1 else ()
+    size = " x ".join(str(n) for n in several + shape)
     results: list[Grid] = []
     with precision(single), say.working(f"fairing {size} samples") as move:
         for grid in grids:
             if several:
                 move(len(results), len(grids))
             finer = np.asarray(fair(grid, method, settings, fill, around).refine(factor))
-            turn = tuple(slice(-1) if k in around else slice(None) for k in range(grid.ndim))
-            results.append(grid.refined(finer[turn].astype(dtype, copy=False), factor, around))
+            for axis in around:  # the first sample of the next turn
+                finer = np.delete(finer, -1, axis)
+            results.append(grid.refined(finer.astype(dtype, copy=False), factor, around))
     with say.working(f"writing {target}"):
         notes = write_bands(target, results)
     for note in notes:

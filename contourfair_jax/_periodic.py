@@ -24,8 +24,8 @@ def margin_of(count: int) -> int:
 
 def with_turns(values: Any, axis: int) -> Any:
     """`values` with parts of the turns before and after along `axis`: as much as `margin_of`."""
-    n = values.shape[axis]
-    return np.take(values, np.arange(-margin_of(n), n + margin_of(n) + 1) % n, axis)
+    margin = margin_of(values.shape[axis])
+    return _wrapped(values, axis, margin, margin + 1)
 
 
 def one_turn(field: BezierField, counts: Sequence[int | None]) -> BezierField:
@@ -44,9 +44,8 @@ def closed(grid: Grid, axes: Sequence[int]) -> Grid:
     """The grid with the first sample of the next turn at the end of `axes`."""
     values, missing = grid.values, grid.missing
     for axis in axes:
-        order = np.arange(values.shape[axis] + 1) % values.shape[axis]
-        values = np.take(values, order, axis)
-        missing = None if missing is None else np.take(missing, order, axis)
+        values = _wrapped(values, axis, 0, 1)
+        missing = None if missing is None else _wrapped(missing, axis, 0, 1)
     return replace(grid, values=values, missing=missing)
 
 
@@ -63,3 +62,9 @@ def check_turn(name: str, count: int, step: float, units: str) -> None:
         raise ValueError(
             f"coordinate {name!r} covers {covered:g} degrees, not 360; it is not periodic"
         )
+
+
+def _wrapped(values: Any, axis: int, before: int, after: int) -> Any:
+    """`values` with samples of the turns before and after along `axis`."""
+    n = values.shape[axis]
+    return np.take(values, np.arange(-before, n + after) % n, axis)

@@ -92,13 +92,11 @@ class LocalEnergy(eqx.Module):
 
     def matrix(self, tensor: Tensor) -> Float[Array, " entries"]:
         """Blocks of the matrix of the normal equations, in the order of `block_pairs`."""
-        ndim = self.ndim
-        folded = materialise(_fold(jnp.stack(list(tensor.values())), ndim))
-        flips = np.array([_flips(axes, ndim) for axes in tensor])
+        folded = {axes: _fold(values, self.ndim) for axes, values in tensor.items()}
         entries = []
         for block, table in enumerate(self.matrix_tables):
-            own = folded[np.arange(len(flips)), block ^ flips]
-            entries.append(matmul(table, materialise(own.ravel())))
+            own = [parts[block ^ _flips(axes, self.ndim)] for axes, parts in folded.items()]
+            entries.append(matmul(table, materialise(jnp.concatenate(own))))
         return jnp.concatenate(entries)
 
     def right_side(
@@ -284,13 +282,16 @@ def _entry(tensor: dict, a: int, b: int) -> Array:
     return tensor[min(a, b), max(a, b)]
 
 
-def _fold(values: Float[Array, "pairs points"], ndim: int) -> Float[Array, "pairs twos half"]:
+def _fold(values: Float[Array, " points"], ndim: int) -> list[Float[Array, " half"]]:
     """Sums and differences over the halves of every axis: what meets even and odd functions."""
-    signs = np.ones((1, 1))
-    for _ in range(ndim):
-        signs = np.kron(signs, [[1, 1], [1, -1]])
-    halves = values.reshape(len(values), 2**ndim, -1)
-    return matmul(jnp.asarray(signs, values.dtype), halves)
+    parts = jnp.split(values, 2**ndim)
+    for axis in range(ndim):
+        step = 1 << (ndim - 1 - axis)
+        parts = [
+            parts[k ^ step] - parts[k] if k & step else parts[k] + parts[k ^ step]
+            for k in range(2**ndim)
+        ]
+    return parts
 
 
 def _product_weights(ndim: int, order: int) -> np.ndarray:

@@ -22,6 +22,8 @@ from ._xla import matmul
 # Least number of vertices that are worked on together: what is done for them is vector operations
 # as long as their number, too slow when they are short.
 LEAST_BATCH = 128
+# Batches are multiples of this many vertices, so that every row begins with a line of the cache.
+ALIGNED = 16
 
 
 class LocalFairing(AbstractFairing):
@@ -105,7 +107,7 @@ class LocalFairing(AbstractFairing):
         """Bezier points of the patches around every vertex, in batches."""
         count = samples.shape[1]
         batches = -(-count // _batch_size(energy, samples.dtype))
-        size = -(-count // batches)
+        size = _round_up(-(-count // batches), ALIGNED)
         padded = jnp.pad(samples, ((0, 0), (0, batches * size - count)), mode="edge")
         split = jnp.moveaxis(padded.reshape(-1, batches, size), 1, 0)
         points = jax.lax.map(
@@ -158,4 +160,9 @@ def _batch_size(energy: LocalEnergy, dtype: jnp.dtype) -> int:
     entries = sum(table.shape[0] for table in energy.matrix_tables)
     points = sum(table.shape[1] for table in energy.matrix_tables)
     size = working_set().batch_bytes // ((3 * entries + 3 * points) * dtype.itemsize)
-    return max(LEAST_BATCH, size // 16 * 16)
+    return max(LEAST_BATCH, size // ALIGNED * ALIGNED)
+
+
+def _round_up(count: int, step: int) -> int:
+    """The next multiple of `step`."""
+    return -(-count // step) * step

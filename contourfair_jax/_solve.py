@@ -16,10 +16,14 @@ import optimistix
 from jaxtyping import Array, Float
 
 from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix
-from ._xla import materialise, matmul
+from ._xla import apart, materialise, matmul
 
-# Panels of rows that the elimination works in: traffic of memory against compile time.
-PANELS = 4
+# The elimination takes several rows at a time: traffic of memory against compile time.
+MOST_PANELS = 7
+LEAST_ROWS = 4
+
+# The inverse of the square on the diagonal of a few rows, and it times what is right of the square.
+Panel = tuple[Float[Array, "w w batch"], Float[Array, "w r batch"]]
 
 
 class AbstractSolver(eqx.Module):
@@ -43,7 +47,7 @@ class AbstractDirectSolver(AbstractSolver):
     """
 
     def __call__(self, energy, tensor, samples):
-        entries = batched(energy.matrix)(jax.lax.stop_gradient(tensor))
+        entries = energy.matrix(jax.lax.stop_gradient(tensor))
         matrix = materialise(full_matrix(materialise(entries), energy.ndim))
         solve = self.factorise(matrix)
         return jax.lax.custom_linear_solve(
@@ -103,96 +107,91 @@ class LeastSquares(AbstractSolver):
         return jax.vmap(fit, in_axes=-1, out_axes=-1)(tensor, samples)
 
 
-def eliminate(matrix: Float[Array, "n n batch"]) -> list[Float[Array, "w m batch"]]:
-    """Reduce symmetric positive definite matrices to upper triangles, batch last.
+def eliminate(matrix: Float[Array, "n n batch"]) -> list[Panel]:
+    """Reduce symmetric positive definite matrices to block triangles, batch last.
 
-    A panel of rows is reduced by itself; what lies below takes all its rows in one pass over
-    memory.  Returns the panels, each from its first pivot on.
+    Several rows at a time: their square on the diagonal is inverted, what lies below takes all of
+    them in one pass over memory.  As in a Cholesky decomposition no pivots need to be sought.
     """
-    n = len(matrix)
+    rows = max(LEAST_ROWS, -(-len(matrix) // MOST_PANELS))
     panels = []
-    while len(matrix) > 0:
-        steps = min(-(-n // PANELS), len(matrix))
-        # A real loop: unrolled, XLA would fuse the steps and compute every one again for each use.
-        panel = jax.lax.fori_loop(0, steps, _eliminate_row, matrix[:steps])
-        panels.append(materialise(panel))
-        matrix = _subtract_panel(panels[-1], matrix[steps:, steps:])
-    return panels
+    while len(matrix) > rows:
+        inverse = apart(_invert)(matrix[:rows, :rows])
+        scaled = apart(_scale)(inverse, matrix)
+        panels.append((inverse, scaled))
+        matrix = apart(_subtract)(matrix, scaled)
+    return [*panels, (apart(_invert)(matrix), matrix[:, len(matrix) :])]
 
 
-def substitute(
-    panels: list[Float[Array, "w m batch"]], rhs: Float[Array, "n batch"]
-) -> Float[Array, "n batch"]:
+def substitute(panels: list[Panel], rhs: Float[Array, "n batch"]) -> Float[Array, "n batch"]:
     """Solve with the matrices that `eliminate` has reduced."""
-    reduced = []
-    for panel in panels:
-        steps = len(panel)
-        own, scaled = _forward_substitute(panel, rhs[:steps])
-        reduced.append(own)
-        rhs = materialise(rhs[steps:] - jnp.sum(panel[:, steps:] * scaled[:, None], axis=0))
+    own = []
+    for _, scaled in panels:
+        own.append(rhs[: len(scaled)])
+        rhs = apart(_forward)(scaled, rhs)
     solution = rhs  # nothing is left of it
-    for panel, own in zip(reversed(panels), reversed(reduced), strict=True):
-        known = jnp.sum(panel[:, len(panel) :] * solution[None], axis=1)
-        solution = jnp.concatenate([_back_substitute(panel, own - known), solution])
+    for (inverse, scaled), part in zip(reversed(panels), reversed(own), strict=True):
+        first = apart(_backward)(inverse, scaled, part, solution)
+        solution = jnp.concatenate([first, solution])
     return solution
 
 
-def _eliminate_row(k: Array, work: Float[Array, "w m batch"]) -> Float[Array, "w m batch"]:
-    """Subtract multiples of row k from the rows below."""
-    # Taking the factors from column k and not, by symmetry, from row k lets XLA work in place.
-    row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
-    column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
-    pivot = jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
-    below = jnp.arange(work.shape[0])[:, None] > k
-    factors = jnp.where(below, column * (1 / pivot)[None], 0)
-    return work - factors[:, None] * row[None]
+def _invert(square: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
+    """Inverse of a few rows and columns, by Gauss-Jordan elimination."""
+
+    def step(k: Array, work: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
+        here = jnp.arange(len(work)) == k
+        row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
+        column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
+        pivot = jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
+        row = jnp.where(here[:, None], 1, row) * (1 / pivot)[None]
+        rest = jnp.where(here[None, :, None], 0, work) - column[:, None] * row[None]
+        return jnp.where(here[:, None, None], row[None], rest)
+
+    # A real loop: written out, it takes as long and compiles more slowly.
+    return jax.lax.fori_loop(0, len(square), step, square)
 
 
-def _subtract_panel(
-    panel: Float[Array, "w m batch"], rest: Float[Array, "r r batch"]
+def _scale(
+    inverse: Float[Array, "w w batch"], matrix: Float[Array, "m m batch"]
+) -> Float[Array, "w r batch"]:
+    """The first rows of the matrix, right of their square, times the inverse of that."""
+    w = len(inverse)
+    return _sum([inverse[:, k, None] * matrix[k, None, w:] for k in range(w)])
+
+
+def _subtract(
+    matrix: Float[Array, "m m batch"], scaled: Float[Array, "w r batch"]
 ) -> Float[Array, "r r batch"]:
-    """Subtract multiples of the reduced rows of `panel` from the rows below it."""
-    if len(rest) == 0:
-        return rest
-    w = len(panel)
-    pivots = jnp.stack([panel[k, k] for k in range(w)])
-    factors = materialise(panel[:, w:] / pivots[:, None])  # columns below, by symmetry
-    terms = [factors[k][:, None] * panel[k, w:][None] for k in range(w)]
-    return materialise(rest - sum(terms[1:], start=terms[0]))
+    """What the first rows leave of the others."""
+    w = len(scaled)
+    # The columns below the square are, by symmetry, the rows right of it.
+    terms = [matrix[k, w:, None] * scaled[k, None] for k in range(w)]
+    return matrix[w:, w:] - _sum(terms)
 
 
-def _forward_substitute(
-    panel: Float[Array, "w m batch"], rhs: Float[Array, "w batch"]
-) -> tuple[Float[Array, "w batch"], Float[Array, "w batch"]]:
-    """Do to `rhs` what `_eliminate_row` did to the panel; the result, and it over the pivots."""
-    w = panel.shape[0]
-
-    def step(k: Array, pair: tuple[Array, Array]) -> tuple[Array, Array]:
-        x, scaled = pair
-        row = jax.lax.dynamic_index_in_dim(panel, k, keepdims=False)[:w]
-        pivot = jax.lax.dynamic_index_in_dim(row, k, keepdims=False)
-        value = jax.lax.dynamic_index_in_dim(x, k, keepdims=False) / pivot
-        x = x - jnp.where(jnp.arange(w)[:, None] > k, row * value[None], 0)
-        return x, jax.lax.dynamic_update_index_in_dim(scaled, value, k, 0)
-
-    return jax.lax.fori_loop(0, w, step, (rhs, jnp.zeros_like(rhs)))
+def _forward(
+    scaled: Float[Array, "w r batch"], rhs: Float[Array, "m batch"]
+) -> Float[Array, "r batch"]:
+    """What the first rows leave of the right-hand side of the others."""
+    w = len(scaled)
+    return rhs[w:] - _sum([scaled[k] * rhs[k, None] for k in range(w)])
 
 
-def _back_substitute(
-    panel: Float[Array, "w m batch"], rhs: Float[Array, "w batch"]
+def _backward(
+    inverse: Float[Array, "w w batch"],
+    scaled: Float[Array, "w r batch"],
+    own: Float[Array, "w batch"],
+    later: Float[Array, "r batch"],
 ) -> Float[Array, "w batch"]:
-    """Solve with the upper triangle of the first columns of `panel`."""
-    w = panel.shape[0]
+    """The first unknowns, given the later ones."""
+    solution = _sum([inverse[:, k] * own[k, None] for k in range(len(own))])
+    return solution - jnp.sum(scaled * later[None], axis=1)
 
-    def step(i: Array, x: Float[Array, "w batch"]) -> Float[Array, "w batch"]:
-        k = w - 1 - i
-        row = jax.lax.dynamic_index_in_dim(panel, k, keepdims=False)[:w]
-        later = jnp.where(jnp.arange(w)[:, None] > k, row * x, 0)
-        value = jax.lax.dynamic_index_in_dim(x, k, keepdims=False) - jnp.sum(later, axis=0)
-        pivot = jax.lax.dynamic_index_in_dim(row, k, keepdims=False)
-        return jax.lax.dynamic_update_index_in_dim(x, value / pivot, k, 0)
 
-    return jax.lax.fori_loop(0, w, step, rhs)
+def _sum(terms: list[Array]) -> Array:
+    """The sum of the terms, without a zero to begin with."""
+    return sum(terms[1:], start=terms[0])
 
 
 def batched(function: Callable) -> Callable:

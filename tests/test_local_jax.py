@@ -13,6 +13,7 @@ import twin
 from helpers import assert_close, matrix_products, net_of, samples_of
 
 import contourfair_jax as cf
+from contourfair_jax._xla import apart
 
 BOTH = pytest.mark.both_precisions
 IN_2D_AND_SLOWLY_3D = pytest.mark.parametrize("ndim", [2, pytest.param(3, marks=pytest.mark.slow)])
@@ -239,3 +240,26 @@ def test_products_keep_float32(method, shape):
     products = matrix_products(jax.value_and_grad(everything), values, points)
     assert len(products) > 5
     assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)
+
+
+# What XLA compiles -----------------------------------------------------------------------
+
+
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="units are kept apart on the CPU only")
+def test_units_are_kept_apart(rng):
+    """`apart` stops XLA from fusing; values, derivatives and batches are those of the function."""
+    values = rng.normal(size=(4, 5))
+
+    def step(x):
+        return jnp.where(x > 0, jnp.sin(x), x * x)  # `where` is a function of its own as well
+
+    def twice(function):
+        return jax.jit(lambda x: function(function(x)))
+
+    plain, units = twice(step), twice(apart(step))
+    assert units.lower(values).compile().as_text().count(" call(") == 2
+    assert " call(" not in plain.lower(values).compile().as_text()
+    slope, expected = (jax.grad(lambda x, f=f: f(x).sum())(values) for f in (units, plain))
+    assert_close(units(values), plain(values), 1e-15)
+    assert_close(jax.vmap(units)(values), plain(values), 1e-15)
+    assert_close(slope, expected, 1e-14)

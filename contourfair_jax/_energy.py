@@ -157,7 +157,7 @@ def plain_tensor(energy: LocalEnergy) -> Tensor:
 
 
 def contour_tensor(
-    energy: LocalEnergy,
+    weights: Float[Array, " points"],
     gradients: list[Float[Array, " points"]],
     thin_plate_weight: float | Float[Array, ""],
 ) -> Tensor:
@@ -168,14 +168,11 @@ def contour_tensor(
     """
     squares = [g * g for g in gradients]
     squared = sum(squares[1:], start=squares[0])
-    share = energy.weights * (1 - thin_plate_weight) / (squared + FLAT**2)
-    gradients, share = materialise((gradients, share))
-    return materialise(
-        {
-            (a, b): (energy.weights if a == b else 0) - share * gradients[a] * gradients[b]
-            for a, b in energy.sample_hessians
-        }
-    )
+    share = weights * (1 - thin_plate_weight) / (squared + FLAT**2)
+    return {
+        (a, b): (weights if a == b else 0) - share * gradients[a] * gradients[b]
+        for a, b in derivatives(2, len(gradients))
+    }
 
 
 def cholesky_factor(tensor: Tensor) -> Tensor:

@@ -4,6 +4,8 @@ For one vertex: gather the samples -> thin plate -> sample the normals -> assemb
 energy -> solve -> repeat with the new normals -> Bezier points.  Then the patches merge.
 """
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,7 +16,7 @@ from ._basis import index_set, parity_to_bezier, samples_to_parity
 from ._energy import LocalEnergy, contour_tensor, plain_tensor
 from ._merge import net_shape, place_window, scatter_patches, set_samples
 from ._method import AbstractFairing
-from ._solve import AbstractSolver, Cholesky, solve_small
+from ._solve import AbstractSolver, Cholesky, batched, solve_small
 from ._stencil import cut_windows, neighbourhoods, window_shape, window_starts
 from ._working_set import working_set
 from ._xla import matmul
@@ -133,12 +135,14 @@ class LocalFairing(AbstractFairing):
         scaled = (samples - centre[None]) / spread[None]
         given = matmul(jnp.asarray(samples_to_parity(ndim), samples.dtype), scaled)
 
+        contour = partial(contour_tensor, thin_plate_weight=self.thin_plate_weight)
+
         def improve(fairing: Array, _: None) -> tuple[Array, None]:
             coefficients = jnp.concatenate([given, fairing])
-            gradients = jax.vmap(energy.gradients, in_axes=-1, out_axes=-1)(coefficients)
-            tensor = jax.vmap(contour_tensor, in_axes=(None, -1, None), out_axes=-1)(
-                energy, gradients, self.thin_plate_weight
-            )
+            gradients = batched(energy.gradients)(coefficients)
+            # Weights for every vertex: `vmap` would move the batch first to meet those of one.
+            weights = jnp.broadcast_to(energy.weights[:, None], gradients[0].shape)
+            tensor = batched(contour)(weights, gradients)
             return self.solver(energy, tensor, given), None
 
         fairing, _ = jax.lax.scan(improve, matmul(thin_plate, given), length=self.iterations)

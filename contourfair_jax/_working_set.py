@@ -16,7 +16,7 @@ class WorkingSet(NamedTuple):
 
 
 # Every step of a program is a vector operation that reads and writes its whole working set.
-CACHED = WorkingSet(window_vertices=4096, batch_bytes=8 * 2**20)
+CACHED = WorkingSet(window_vertices=4096, batch_bytes=12 * 2**20)
 # A step of a GPU takes some microseconds however small it is.
 FILLING = WorkingSet(window_vertices=2**19, batch_bytes=512 * 2**20)
 

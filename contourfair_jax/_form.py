@@ -17,8 +17,9 @@ from jaxtyping import Array, Bool, Float
 
 from ._energy import derivatives
 from ._hermite import corner_shifts, gather_corners, gram, scatter_corners
+from ._inverse import invert
 from ._working_set import working_set
-from ._xla import materialise, matmul
+from ._xla import apart, materialise, matmul
 
 Dofs = Float[Array, "twos vertices"]
 Weights = Float[Array, "groups vertices"]
@@ -105,7 +106,7 @@ class CellForm(eqx.Module):
             cells = jnp.concatenate([_columns(weights, start + last - s, size) for s in shifts])
             block = matmul(table, cells).reshape(twos, twos, size)
             block = block.at[0, 0].add(_columns(pins, start, size)[0])
-            return _invert(materialise(block), _columns(free, start, size))
+            return apart(_invert_free)(block, _columns(free, start, size))
 
         inverses = jax.lax.map(chunk, jnp.arange(0, columns, size))
         return jnp.moveaxis(inverses, 0, 2).reshape(twos, twos, -1)[:, :, :columns]
@@ -159,25 +160,16 @@ def _columns(array: Array, start: Array, size: int) -> Array:
     return jax.lax.dynamic_slice_in_dim(array, start, size, axis=1)
 
 
-def _invert(
+def _invert_free(
     blocks: Float[Array, "n n chunk"], free: Bool[Array, "n chunk"]
 ) -> Float[Array, "n n chunk"]:
     """Inverses of symmetric positive definite blocks, restricted to what is free."""
-    n = len(blocks)
     both = free[:, None] & free[None]
-    unit = jnp.broadcast_to(jnp.eye(n, dtype=blocks.dtype)[:, :, None], blocks.shape)
+    unit = jnp.eye(len(blocks), dtype=blocks.dtype)[:, :, None]
     # Columns that pad the last chunk have blocks of zeros; they count as not free.
-    blocks = jnp.where(both & (blocks[0, 0] > 0)[None, None], blocks, unit)
-    work = materialise(jnp.concatenate([blocks, unit], axis=1))
-
-    def pivot(k: Array, work: Array) -> Array:
-        row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
-        column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
-        row = materialise(row / jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)[None])
-        cleared = work - column[:, None] * row[None]
-        return jax.lax.dynamic_update_index_in_dim(cleared, row, k, axis=0)
-
-    return jnp.where(both, jax.lax.fori_loop(0, n, pivot, work)[:, n:], 0)  # pyright: ignore
+    unit = jnp.broadcast_to(unit, blocks.shape)
+    blocks = jax.lax.select(both & (blocks[0, 0] > 0)[None, None], blocks, unit)
+    return jax.lax.select(both, invert(blocks), jnp.zeros_like(blocks))
 
 
 def energy_form(

@@ -16,6 +16,7 @@ import optimistix
 from jaxtyping import Array, Float
 
 from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix
+from ._inverse import invert
 from ._xla import apart, materialise, matmul
 
 # The elimination takes several rows at a time: traffic of memory against compile time.
@@ -116,11 +117,11 @@ def eliminate(matrix: Float[Array, "n n batch"]) -> list[Panel]:
     rows = max(LEAST_ROWS, -(-len(matrix) // MOST_PANELS))
     panels = []
     while len(matrix) > rows:
-        inverse = apart(_invert)(matrix[:rows, :rows])
+        inverse = apart(invert)(matrix[:rows, :rows])
         scaled = apart(_scale)(inverse, matrix)
         panels.append((inverse, scaled))
         matrix = apart(_subtract)(matrix, scaled)
-    return [*panels, (apart(_invert)(matrix), matrix[:, len(matrix) :])]
+    return [*panels, (apart(invert)(matrix), matrix[:, len(matrix) :])]
 
 
 def substitute(panels: list[Panel], rhs: Float[Array, "n batch"]) -> Float[Array, "n batch"]:
@@ -134,31 +135,6 @@ def substitute(panels: list[Panel], rhs: Float[Array, "n batch"]) -> Float[Array
         first = apart(_backward)(inverse, scaled, part, solution)
         solution = jnp.concatenate([first, solution])
     return solution
-
-
-def _invert(square: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
-    """Inverse of a few rows and columns, by Gauss-Jordan elimination."""
-
-    def step(k: Array, work: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
-        row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
-        column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
-        pivot = jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
-        row = _replace(k, row, jnp.ones_like(row), axis=0) * (1 / pivot)[None]
-        rest = _replace(k, work, jnp.zeros_like(work), axis=1) - column[:, None] * row[None]
-        return _replace(k, rest, row[None], axis=0)
-
-    # A real loop: written out, it takes as long and compiles more slowly.
-    return jax.lax.fori_loop(0, len(square), step, square)
-
-
-def _replace(k: Array, old: Array, new: Array, axis: int) -> Array:
-    """`old` with entry k along an axis taken from `new`.
-
-    As a choice, which XLA fuses with what comes before and after; `jax.numpy.where` would be a
-    function of its own, and in a unit set `apart` it would be called for every step.
-    """
-    here = jax.lax.broadcast_in_dim(jnp.arange(old.shape[axis]) == k, old.shape, (axis,))
-    return jax.lax.select(here, jnp.broadcast_to(new, old.shape), old)
 
 
 def _scale(

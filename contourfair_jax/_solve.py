@@ -142,7 +142,8 @@ def _scale(
 ) -> Float[Array, "w r batch"]:
     """The first rows of the matrix, right of their square, times the inverse of that."""
     w = len(inverse)
-    return _sum([inverse[:, k, None] * matrix[k, None, w:] for k in range(w)])
+    # The columns of the inverse are, by symmetry, its rows.
+    return _outer(inverse, matrix[:w, w:])
 
 
 def _subtract(
@@ -151,8 +152,15 @@ def _subtract(
     """What the first rows leave of the others."""
     w = len(scaled)
     # The columns below the square are, by symmetry, the rows right of it.
-    terms = [matrix[k, w:, None] * scaled[k, None] for k in range(w)]
-    return matrix[w:, w:] - _sum(terms)
+    return matrix[w:, w:] - _outer(matrix[:w, w:], scaled)
+
+
+def _outer(
+    left: Float[Array, "w a batch"], right: Float[Array, "w b batch"]
+) -> Float[Array, "a b batch"]:
+    """The sum of the products of every row of `left` with that of `right`, written out."""
+    terms = [left[k][:, None] * right[k][None] for k in range(len(left))]
+    return sum(terms[1:], start=terms[0])
 
 
 def _forward(
@@ -160,7 +168,7 @@ def _forward(
 ) -> Float[Array, "r batch"]:
     """What the first rows leave of the right-hand side of the others."""
     w = len(scaled)
-    return rhs[w:] - _sum([scaled[k] * rhs[k, None] for k in range(w)])
+    return rhs[w:] - jnp.sum(scaled * rhs[:w, None], axis=0)
 
 
 def _backward(
@@ -170,13 +178,7 @@ def _backward(
     later: Float[Array, "r batch"],
 ) -> Float[Array, "w batch"]:
     """The first unknowns, given the later ones."""
-    solution = _sum([inverse[:, k] * own[k, None] for k in range(len(own))])
-    return solution - jnp.sum(scaled * later[None], axis=1)
-
-
-def _sum(terms: list[Array]) -> Array:
-    """The sum of the terms, without a zero to begin with."""
-    return sum(terms[1:], start=terms[0])
+    return jnp.sum(inverse * own[None], axis=1) - jnp.sum(scaled * later[None], axis=1)
 
 
 def batched(function: Callable) -> Callable:

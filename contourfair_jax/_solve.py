@@ -91,7 +91,7 @@ class LeastSquares(AbstractSolver):
 
     The residuals are `L^T H` with `M = L L^T` at the quadrature points, and their sum of squares is
     the energy; a Gauss-Newton step with QR finds their minimum without forming the normal
-    equations.  About 20 times slower than `Cholesky`, and like `LU` it calls LAPACK.
+    equations.  Hundreds of times slower than `Cholesky`, and like `LU` it calls LAPACK.
     """
 
     def __call__(self, energy, tensor, samples):

@@ -19,7 +19,7 @@ from benchmarks import clock, report
 from benchmarks.cost import waves
 from benchmarks.report import Result, Track
 from contourfair_jax import _global, _local, _solve
-from contourfair_jax._energy import LocalEnergy, contour_tensor, full_matrix
+from contourfair_jax._energy import LocalEnergy, full_matrix
 from contourfair_jax._form import energy_form, structure_form
 from contourfair_jax._least_energy import LinearSystem
 from contourfair_jax._xla import apart
@@ -90,9 +90,11 @@ def _local_parts(shape: tuple[int, ...]) -> Parts:
     random = np.random.default_rng(0)
     coefficients = jnp.asarray(random.normal(size=(given + fairing, batch)), jnp.float32)
     gradients = _solve.batched(energy.gradients)(coefficients)
-    weights = jnp.broadcast_to(energy.weights[:, None], gradients[0].shape)
-    contour = _solve.batched(partial(contour_tensor, thin_plate_weight=method.thin_plate_weight))
-    tensor = contour(weights, gradients)
+
+    def normals(*gradients: Array) -> dict:
+        return _local.contour_tensors(energy, list(gradients), method.thin_plate_weight)
+
+    tensor = normals(*gradients)
     entries = energy.matrix(tensor)
     panels = _solve.eliminate(full_matrix(entries, ndim))
     calls = np.prod([n - 2 for n in shape]) / batch * method.iterations
@@ -102,7 +104,7 @@ def _local_parts(shape: tuple[int, ...]) -> Parts:
 
     seconds = {
         "gradients": _each(_solve.batched(energy.gradients), coefficients),
-        "normals": _each(lambda g, *rest: contour(weights, [g, *rest]), *gradients),
+        "normals": _each(normals, *gradients),
         "assembly": _each(lambda m, rest: energy.matrix(rest | {(0, 0): m}), tensor[0, 0], tensor),
         "right side": _each(right_side, coefficients[:given], tensor),
         "elimination": _each(lambda e: _solve.eliminate(full_matrix(e, ndim)), entries),

@@ -17,6 +17,8 @@ table for each parity block.
 
 Functions of one vertex take and return vectors, and are written with slices, sums and products with
 constant matrices only: under `jax.vmap` over a trailing axis they stay products of matrices.
+`LocalEnergy.matrix`, which also puts vectors together, takes many vertices as they are, the batch
+last: `jax.vmap` would move the batch first for that, and back.
 """
 
 import itertools
@@ -91,7 +93,10 @@ class LocalEnergy(eqx.Module):
         return self.matrix(tensor), self.right_side(tensor, samples)
 
     def matrix(self, tensor: Tensor) -> Float[Array, " entries"]:
-        """Blocks of the matrix of the normal equations, in the order of `block_pairs`."""
+        """Blocks of the matrix of the normal equations, in the order of `block_pairs`.
+
+        Of one vertex, or of a batch along a last axis.
+        """
         folded = {axes: _fold(values, self.ndim) for axes, values in tensor.items()}
         entries = []
         for block, table in enumerate(self.matrix_tables):

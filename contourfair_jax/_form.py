@@ -106,7 +106,7 @@ class CellForm(eqx.Module):
             cells = jnp.concatenate([_columns(weights, start + last - s, size) for s in shifts])
             block = matmul(table, cells).reshape(twos, twos, size)
             block = block.at[0, 0].add(_columns(pins, start, size)[0])
-            return apart(_invert_free)(block, _columns(free, start, size))
+            return _invert_free(block, _columns(free, start, size))
 
         inverses = jax.lax.map(chunk, jnp.arange(0, columns, size))
         return jnp.moveaxis(inverses, 0, 2).reshape(twos, twos, -1)[:, :, :columns]
@@ -160,6 +160,7 @@ def _columns(array: Array, start: Array, size: int) -> Array:
     return jax.lax.dynamic_slice_in_dim(array, start, size, axis=1)
 
 
+@apart
 def _invert_free(
     blocks: Float[Array, "n n chunk"], free: Bool[Array, "n chunk"]
 ) -> Float[Array, "n n chunk"]:

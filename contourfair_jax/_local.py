@@ -109,7 +109,7 @@ class LocalFairing(AbstractFairing):
         """Bezier points of the patches around every vertex, in batches."""
         count = samples.shape[1]
         batches = -(-count // _batch_size(energy, samples.dtype))
-        size = _round_up(-(-count // batches), ALIGNED)
+        size = -(-count // (batches * ALIGNED)) * ALIGNED
         padded = jnp.pad(samples, ((0, 0), (0, batches * size - count)), mode="edge")
         split = jnp.moveaxis(padded.reshape(-1, batches, size), 1, 0)
         points = jax.lax.map(
@@ -135,20 +135,28 @@ class LocalFairing(AbstractFairing):
         scaled = (samples - centre[None]) / spread[None]
         given = matmul(jnp.asarray(samples_to_parity(ndim), samples.dtype), scaled)
 
-        contour = partial(contour_tensor, thin_plate_weight=self.thin_plate_weight)
-
         def improve(fairing: Array, _: None) -> tuple[Array, None]:
             coefficients = jnp.concatenate([given, fairing])
             gradients = batched(energy.gradients)(coefficients)
-            # Weights for every vertex: `vmap` would move the batch first to meet those of one.
-            weights = jnp.broadcast_to(energy.weights[:, None], gradients[0].shape)
-            tensor = batched(contour)(weights, gradients)
+            tensor = contour_tensors(energy, gradients, self.thin_plate_weight)
             return self.solver(energy, tensor, given), None
 
         fairing, _ = jax.lax.scan(improve, matmul(thin_plate, given), length=self.iterations)
         to_bezier = jnp.asarray(parity_to_bezier(ndim), samples.dtype)
         points = matmul(to_bezier, jnp.concatenate([given, fairing]))
         return jnp.where(missing, jnp.nan, points * spread[None] + centre[None])
+
+
+def contour_tensors(
+    energy: LocalEnergy,
+    gradients: list[Float[Array, "points batch"]],
+    thin_plate_weight: float | Float[Array, ""],
+) -> dict[tuple[int, int], Float[Array, "points batch"]]:
+    """`contour_tensor` of many vertices."""
+    # Weights for every vertex: `vmap` would move the batch first to meet those of one.
+    weights = jnp.broadcast_to(energy.weights[:, None], gradients[0].shape)
+    contour = partial(contour_tensor, thin_plate_weight=thin_plate_weight)
+    return batched(contour)(weights, gradients)
 
 
 def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]:
@@ -165,8 +173,3 @@ def _batch_size(energy: LocalEnergy, dtype: jnp.dtype) -> int:
     points = sum(table.shape[1] for table in energy.matrix_tables)
     size = working_set().batch_bytes // ((3 * entries + 3 * points) * dtype.itemsize)
     return max(LEAST_BATCH, size // ALIGNED * ALIGNED)
-
-
-def _round_up(count: int, step: int) -> int:
-    """The next multiple of `step`."""
-    return -(-count // step) * step

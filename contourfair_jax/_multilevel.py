@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ._form import CellForm
+from ._inverse import invert
 from ._xla import materialise, matmul
 
 # A grid as (2, ..., 2, n_1, ..., n_d): the layout of `_hermite` with the axes apart.
@@ -66,14 +67,7 @@ def _interior_inverse(form: CellForm) -> Float[Array, "twos twos"]:
     plate = sum(form.matrices[g] for g in diagonal).reshape(twos, twos, twos, twos)  # pyright: ignore
     corner = np.arange(twos)
     block = jnp.sum(plate[corner, :, corner, :], axis=0)
-    inverse = jnp.eye(twos, dtype=block.dtype)
-    for k in range(twos):  # Gauss-Jordan
-        pivot = block[k, k]
-        row, other = block[k] / pivot, inverse[k] / pivot
-        factors = block[:, k].at[k].set(0)
-        block = (block - jnp.outer(factors, row)).at[k].set(row)
-        inverse = (inverse - jnp.outer(factors, other)).at[k].set(other)
-    return inverse
+    return invert(block[:, :, None])[:, :, 0]
 
 
 def _pairs(ndim: int) -> list[tuple[int, int]]:

@@ -26,6 +26,8 @@ LEAST_ROWS = 4
 # The inverse of the square on the diagonal of a few rows, and it times what is right of the square.
 Panel = tuple[Float[Array, "w w batch"], Float[Array, "w r batch"]]
 
+_invert = apart(invert)
+
 
 class AbstractSolver(eqx.Module):
     """What `LocalFairing(solver=...)` takes: finds the minimum of many local energies."""
@@ -117,11 +119,11 @@ def eliminate(matrix: Float[Array, "n n batch"]) -> list[Panel]:
     rows = max(LEAST_ROWS, -(-len(matrix) // MOST_PANELS))
     panels = []
     while len(matrix) > rows:
-        inverse = apart(invert)(matrix[:rows, :rows])
-        scaled = apart(_scale)(inverse, matrix)
+        inverse = _invert(matrix[:rows, :rows])
+        scaled = _scale(inverse, matrix)
         panels.append((inverse, scaled))
-        matrix = apart(_subtract)(matrix, scaled)
-    return [*panels, (apart(invert)(matrix), matrix[:, len(matrix) :])]
+        matrix = _subtract(matrix, scaled)
+    return [*panels, (_invert(matrix), matrix[:, len(matrix) :])]
 
 
 def substitute(panels: list[Panel], rhs: Float[Array, "n batch"]) -> Float[Array, "n batch"]:
@@ -129,14 +131,15 @@ def substitute(panels: list[Panel], rhs: Float[Array, "n batch"]) -> Float[Array
     own = []
     for _, scaled in panels:
         own.append(rhs[: len(scaled)])
-        rhs = apart(_forward)(scaled, rhs)
+        rhs = _forward(scaled, rhs)
     solution = rhs  # nothing is left of it
     for (inverse, scaled), part in zip(reversed(panels), reversed(own), strict=True):
-        first = apart(_backward)(inverse, scaled, part, solution)
+        first = _backward(inverse, scaled, part, solution)
         solution = jnp.concatenate([first, solution])
     return solution
 
 
+@apart
 def _scale(
     inverse: Float[Array, "w w batch"], matrix: Float[Array, "m m batch"]
 ) -> Float[Array, "w r batch"]:
@@ -146,6 +149,7 @@ def _scale(
     return _outer(inverse, matrix[:w, w:])
 
 
+@apart
 def _subtract(
     matrix: Float[Array, "m m batch"], scaled: Float[Array, "w r batch"]
 ) -> Float[Array, "r r batch"]:
@@ -163,6 +167,7 @@ def _outer(
     return sum(terms[1:], start=terms[0])
 
 
+@apart
 def _forward(
     scaled: Float[Array, "w r batch"], rhs: Float[Array, "m batch"]
 ) -> Float[Array, "r batch"]:
@@ -171,6 +176,7 @@ def _forward(
     return rhs[w:] - jnp.sum(scaled * rhs[:w, None], axis=0)
 
 
+@apart
 def _backward(
     inverse: Float[Array, "w w batch"],
     scaled: Float[Array, "w r batch"],
@@ -193,15 +199,6 @@ def solve_small(
     matrix = full_matrix(entries[:, None], ndim)[:, :, 0]
 
     def solve(_, columns: Array) -> Array:
-        work = jnp.concatenate([matrix, columns], axis=1)
-        return jax.lax.fori_loop(0, matrix.shape[0], _pivot, work)[:, matrix.shape[0] :]
+        return matmul(invert(matrix[:, :, None])[:, :, 0], columns)
 
     return jax.lax.custom_linear_solve(partial(matmul, matrix), rhs, solve, symmetric=True)
-
-
-def _pivot(k: Array, work: Float[Array, "n m"]) -> Float[Array, "n m"]:
-    """One step of Gauss-Jordan elimination."""
-    row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
-    column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
-    row = row / jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
-    return jax.lax.dynamic_update_index_in_dim(work - jnp.outer(column, row), row, k, axis=0)

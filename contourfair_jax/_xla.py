@@ -10,10 +10,9 @@ from jaxtyping import Array
 
 
 def materialise(tree):
-    """Keep XLA from computing `tree` again inside every use of it.
+    """A barrier to what XLA simplifies: nothing is folded or moved across it.
 
-    XLA on the CPU fuses cheap operations into all their consumers.  Over a batch of vertices that
-    multiplies work and compile time many times over.
+    On the CPU it is gone before XLA decides what to fuse; `apart` keeps it from that.
     """
     return jax.lax.optimization_barrier(tree)
 
@@ -21,7 +20,8 @@ def materialise(tree):
 def apart(function: Callable) -> Callable:
     """`function` as a unit of its own, into and out of which XLA on the CPU fuses nothing.
 
-    A barrier does not do that: it is gone before XLA decides what to fuse.
+    Otherwise XLA fuses cheap operations into all their consumers and computes them again there,
+    which over a batch of vertices multiplies work and compile time many times over.
     """
 
     @jax.jit

@@ -41,5 +41,16 @@ def run(track: Track = report.silent) -> Result:
 
 def tables(result: Result) -> dict[str, str]:
     """Counts of what was done to runs and files; all passed, or there were no table."""
-    rows = [[f"{r['of']}: {r['what']}", r["count"]] for r in result["rows"]]
+    rows: list[list[object]] = []
+    files: dict[int, list[str]] = {}
+    for row in result["rows"]:
+        if row["what"] == "files":
+            files.setdefault(row["count"], []).append(row["of"])
+            continue
+        suffix, workers, _ = row["of"].split("-")
+        shared = "1 process" if workers == "1" else f"{workers} processes"
+        rows.append([f"runs to {suffix} in {shared}, killed and resumed", row["count"]])
+    for count, formats in files.items():
+        names = f"damaged files of {len(formats)} kinds: {', '.join(formats)}"
+        rows.append([names, f"{count} each"])
     return {"reliability": report.table(["survived", "count"], rows)}

@@ -262,7 +262,7 @@ class GlobalFairing(AbstractFairing):
         plain = powers.thin_plate_weight
         tensor = [(1.0 if a == b else 0.0) - (1 - plain) * normals[a, b] for a, b in axes]
         weights = jnp.stack([cells_to_row(entry) for entry in tensor])
-        if is_traced(self.norm) or self.norm != 2:
+        if is_traced(self.norm) or float(self.norm) != 2:
             energies = row_to_cells(jnp.sum(weights * energy.densities(dofs), axis=0), shape)
             weights = weights * cells_to_row(cell_powers(energies, powers.norm))[None]
         if self.cell_weights is None:

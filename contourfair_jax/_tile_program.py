@@ -66,7 +66,7 @@ def overlap_of(method: AbstractFairing, ndim: int, factor: int) -> tuple[int, in
                 "leave it None, or fair the whole grid with fair_field"
             )
     norm = getattr(method, "norm", 2)
-    if is_traced(norm) or norm != 2:
+    if is_traced(norm) or float(norm) != 2:
         raise ValueError(
             "method.norm below 2 weighs cells by the mean of the whole grid, so it cannot be used "
             "in tiles; leave it 2, or fair the whole grid with fair_field"

@@ -605,6 +605,21 @@ def test_forward_and_reverse_agree():
 
 
 @SLOW
+def test_without_compilation(rng):
+    """`jax.disable_jit`, by which users look for their NaN, gives the same values and gradients."""
+    method, values = exact(norm=1.5), rng.standard_normal((4, 5))
+
+    def loss(values):
+        return jnp.sum(cf.fair_field(values, method=method)(jnp.array([[1.5, 2.5], [0.2, 0.3]])))
+
+    value, gradient = jax.value_and_grad(loss)(values)
+    with jax.disable_jit():
+        again, gradient_again = jax.value_and_grad(loss)(values)
+    assert_close(again, value, 1e-10)
+    assert_close(gradient_again, gradient, 1e-8)
+
+
+@SLOW
 def test_batches():
     batch = np.stack([samples_of(name, FLAT) for name in ("ridge", "noise", "smooth_random")])
 

@@ -57,7 +57,7 @@ OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {
     SMALL_WEIGHT: lambda: _global(0.003),
     CLEAN: lambda: _global(0.001, 1.5),
     ROBUST: lambda: _global(norm=1.0),
-    SMOOTH: lambda: cf.GlobalFairing(thin_plate_weight=1.0, smoothness=0.02, border_degree=4),
+    SMOOTH: lambda: cf.GlobalFairing(thin_plate_weight=1.0, smoothness=0.015, border_degree=4),
 }
 
 METHODS: dict[str, Method] = {name: _method(name) for name in OBJECTS}

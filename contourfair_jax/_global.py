@@ -67,7 +67,7 @@ class GlobalFairing(AbstractFairing):
         for a thin plate (w = 1) in all directions, otherwise along the contours: more for rough
         and for jagged samples.
     smoothness : float
-        Weight of `h^2 tr(D^3 M D^3)`, the third derivatives, in the energy.  About 0.04 makes up
+        Weight of `h^2 tr(D^3 M D^3)`, the third derivatives, in the energy.  0.01 to 0.04 makes up
         for what cubic cells lack on smooth data.
     norm : float
         Power p of the energy, `sum over cells of (integral tr(H M H))^(p/2)`, in [1, 2].  2 is
@@ -83,7 +83,7 @@ class GlobalFairing(AbstractFairing):
         Continue the samples by polynomials of this degree, 1 to 5, a little beyond the border of
         the grid, from the nearest samples of each line.  0 leaves the energy free there, which is
         best for rough and for noisy samples.  4 is for smooth ones, whose error is else by far the
-        largest at the border, with `thin_plate_weight` 1 and `smoothness` 0.02.
+        largest at the border, with `thin_plate_weight` 1 and `smoothness` 0.015.
     limit : bool
         Remove overshoot: every cell stays between the smallest and the largest of its own
         samples.  Samples and C1 are kept, fairness is not.

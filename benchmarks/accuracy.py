@@ -16,6 +16,7 @@ MAIN = (
     engine.GLOBAL,
     engine.ROBUST,
     engine.SMOOTH,
+    engine.TUNED,
 )
 OTHERS = (
     peers.CATMULL_ROM,
@@ -28,7 +29,6 @@ OTHERS = (
     engine.DEFAULT,
     engine.SMALL_WEIGHT,
     engine.CLEAN,
-    engine.TUNED,
 )
 
 

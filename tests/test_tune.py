@@ -72,6 +72,19 @@ def test_chosen_settings_are_more_accurate():
     assert errors[0] < errors[1] / 2
 
 
+@SLOW
+def test_waves_that_the_samples_just_resolve():
+    """They look like noise where every other sample is dropped, but not where one in five is."""
+    x = np.linspace(-1, 1, 161)
+    radius = np.hypot(x[:, None], x[None, :])
+    waves = np.cos(12 * np.pi * np.cos(np.pi * radius / 2))  # of Marschner and Lobb
+    samples = waves[::4, ::4]
+    field = cf.fair_field(samples, method=cf.tune(samples))
+    plate = cf.fair_field(samples, method=cf.GlobalFairing(thin_plate_weight=1.0))
+    ours, theirs = (np.std(each.refine(4) - waves) for each in (field, plate))
+    assert ours < theirs / 5
+
+
 def test_tension_for_noise():
     """Between samples that know nothing of each other, the flattest field is the best guess."""
     weight, _, tension, *_ = settings(tuned("noise"))

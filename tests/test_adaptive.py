@@ -39,6 +39,7 @@ def boxes(grid):
     return grid.vertices[grid.leaves[:, 0]], grid.vertices[grid.leaves[:, -1]]
 
 
+@pytest.mark.slow
 def test_near_to_the_field(case):
     field, tolerance, grid = case
     low, high = boxes(grid)

@@ -175,6 +175,7 @@ def test_real_fields_load(name):
     assert min(field.values.shape) >= 21
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(7, 6), (4, 3, 5)])
 def test_the_straightforward_program_is_local_fairing(shape):
     values = jnp.asarray(waves(shape))

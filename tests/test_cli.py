@@ -126,7 +126,7 @@ def around(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("method", ["local", "global"])
+@pytest.mark.parametrize("method", ["local", pytest.param("global", marks=pytest.mark.slow)])
 def test_a_periodic_axis_has_no_seam(run, around, tmp_path, method):
     """Rolled samples give the rolled result; the last interval is that before the first sample."""
     grid = read(around)
@@ -245,6 +245,7 @@ def test_missing_samples_are_told_and_stay_missing(run, tmp_path):
     np.testing.assert_array_equal(fine.values[::4, ::4][kept], values[kept])
 
 
+@pytest.mark.slow
 def test_global_fairing_fills_gaps_only_where_it_is_asked(run, tmp_path):
     values = hill()
     values[3:5, 6] = np.nan

@@ -215,6 +215,7 @@ def test_a_plateau_at_the_level_is_below_it():
     assert metrics.crossings(lines) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [1e6, -1e6])
 def test_lines_stay_on_the_level_far_from_zero(offset, rng):
     """The same lines as near zero: samples round, and nothing else."""
@@ -245,6 +246,7 @@ def test_levels_of_many_samples_give_a_note(rng):
     assert "such as 3.5" in cf.fair_field(np.minimum(samples, 4)).contours(4.0).notes[-1]
 
 
+@pytest.mark.slow
 def test_rounding_of_many_digits_gives_a_note(rng):
     samples = rng.normal(size=(15, 14))
     levels = [0.25, 0.5]
@@ -261,6 +263,7 @@ def test_rounding_of_float32_makes_no_specks():
     assert len(lines) <= 2
 
 
+@pytest.mark.slow
 def test_what_cannot_be_proved_is_counted():
     """A straight valley with its bottom at the level, oblique to the grid: two lines, or none."""
     x = np.linspace(0, 1, 4)
@@ -399,6 +402,7 @@ def test_three_dimensions_are_refused():
         field.filled([0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_many_levels():
     lines = field_of("plane").contours(np.linspace(-1, 6, 2000))
     assert len(lines) > 1000

@@ -1,7 +1,6 @@
 """Derivatives of fairing and of fields: jit, vmap, grad, jvp, vjp and second order, in every input.
 
-One row of `CASES` for each method and dimension.  Second order and 3-D compile long: they are
-`slow`.
+One row of `CASES` for each method and dimension.  They compile long, so most are `slow`.
 """
 
 import functools
@@ -58,11 +57,6 @@ CASES = {
 PLACE = ("values", "spacing", "origin", "points")
 
 
-def rows(*quick):
-    """All rows, those that are not named as slow ones."""
-    return [pytest.param(name, marks=() if name in quick else SLOW) for name in CASES]
-
-
 @functools.cache
 def row(name):
     """Arguments, a direction for each, and the loss."""
@@ -109,7 +103,8 @@ def inner(left, right):
     return sum(float(jnp.vdot(left[key], right[key])) for key in left)
 
 
-@pytest.mark.parametrize("name", rows("local-2d", "global-2d"))
+@SLOW
+@pytest.mark.parametrize("name", CASES)
 def test_gradients_equal_differences(name):
     """In every argument apart."""
     arguments, directions, loss = row(name)
@@ -121,7 +116,8 @@ def test_gradients_equal_differences(name):
         assert inner({key: gradient[key]}, directions) == pytest.approx(difference, rel=2e-5), key
 
 
-@pytest.mark.parametrize("name", rows("local-2d"))
+@SLOW
+@pytest.mark.parametrize("name", CASES)
 def test_forward_and_reverse_mode_agree(name):
     arguments, directions, loss = row(name)
     _, forward = jax.jit(lambda a, t: jax.jvp(loss, (a,), (t,)))(arguments, directions)
@@ -191,8 +187,9 @@ def degenerate(shape):
     }
 
 
+@SLOW
 @BOTH
-@pytest.mark.parametrize("name", rows("local-2d"))
+@pytest.mark.parametrize("name", CASES)
 def test_degenerate_samples_have_finite_derivatives(name, x64):
     """Of the net, in both precisions; missing samples get zero and leave the others finite."""
     shape, make, settings = CASES[name]
@@ -223,6 +220,7 @@ def test_degenerate_samples_have_finite_derivatives(name, x64):
                 assert float(jnp.abs(leaf[(0,) * len(shape)])) == 0
 
 
+@SLOW
 def test_points_outside_have_finite_derivatives(rng):
     """Their NaN values are not to spoil the derivatives of a loss that leaves them out."""
     net = jnp.asarray(cases.FIELDS["smooth_random"].samples((13, 10), rng))
@@ -238,6 +236,7 @@ def test_points_outside_have_finite_derivatives(rng):
     assert bool(jnp.isfinite(in_points[1]).all())
 
 
+@SLOW
 @BOTH
 @pytest.mark.parametrize("ndim", [2, 3])
 def test_many_points_are_evaluated_in_batches(ndim, rng):
@@ -257,6 +256,7 @@ def test_many_points_are_evaluated_in_batches(ndim, rng):
     assert float(jnp.sum(in_net(net))) == pytest.approx(count, rel=1e-4)
 
 
+@SLOW
 def test_clamped_points_on_the_border_keep_their_slope(rng):
     net = jnp.asarray(cases.FIELDS["smooth_random"].samples((13, 10), rng))
     field = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
@@ -268,6 +268,7 @@ def test_clamped_points_on_the_border_keep_their_slope(rng):
     np.testing.assert_allclose(beyond, inside, rtol=1e-12)
 
 
+@SLOW
 def test_what_is_differentiated_is_what_is_computed():
     """Wide holes are seen, and warnings given, inside `jax.grad` as outside."""
     values = np.add.outer(np.sin(np.arange(18.0)), np.arange(18.0) / 4)
@@ -380,6 +381,7 @@ def test_memory_of_the_limit_does_not_grow_with_iterations():
     assert many < 1.02 * few + 1e5
 
 
+@SLOW
 def test_a_limit_that_is_not_reached_is_reported():
     values = np.random.default_rng(0).normal(size=(5, 6))
     with pytest.warns(UserWarning, match="raise iterations"):

@@ -63,6 +63,7 @@ def host_measures(field, level=LEVEL):
     return np.array([steps.sum(), signed_area(line.points)])
 
 
+@pytest.mark.slow
 def test_measures_of_a_disk(disk, rng):
     """Values and derivatives against contours that are traced again, and closed forms."""
     field, lines = disk
@@ -89,6 +90,7 @@ def test_measures_of_a_disk(disk, rng):
     assert float(reverse[1]) == pytest.approx(-integral, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_length_of_lines_that_end_at_the_border(rng):
     """Their ends slide along it."""
     field = field_of(hill(2, 9))
@@ -177,6 +179,7 @@ def test_points_stay_on_the_contour(disk, rng):
     assert float(jnp.abs(changed(projected) - LEVEL).max()) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.both_precisions
 @pytest.mark.parametrize("value", [0.0, 3.7, -1e6])
 def test_a_constant_has_no_curvature_and_nowhere_to_move_to(value):

@@ -77,6 +77,7 @@ def test_equals_the_twin(sharpness, name):
         assert_close(net_of(values, method, FLAT.spacing), expected, 1e-8)
 
 
+@SLOW
 @pytest.mark.parametrize("sharpness", [pytest.param(1, marks=SLOW), 2])
 def test_equals_the_twin_in_3d(sharpness):
     for field, name in (("ridge", "plain"), ("noise", "others"), ("ridge", "robust")):
@@ -86,6 +87,7 @@ def test_equals_the_twin_in_3d(sharpness):
         assert_close(net_of(values, method, SOLID.spacing), expected, 1e-8)
 
 
+@SLOW
 @pytest.mark.parametrize("grid", [FLAT, SOLID], ids=["2d", "3d"])
 def test_equals_the_twin_with_missing_samples(grid):
     for field in ("ridge", "noise"):
@@ -94,6 +96,7 @@ def test_equals_the_twin_with_missing_samples(grid):
         assert_close(net_of(values, exact(tension=0.5), grid.spacing), expected, 1e-8)
 
 
+@SLOW
 def test_equals_the_twin_with_noise(rng):
     values = with_holes(samples_of("ridge", FLAT))
     sigma = rng.uniform(0.01, 0.1, FLAT.shape)
@@ -137,6 +140,7 @@ def test_interpolates_exactly_and_is_c1():
         assert_c1(net)
 
 
+@SLOW
 def test_interpolates_exactly_and_is_c1_in_3d():
     for name in ("smooth_random", "spike", "integers"):
         values = samples_of(name, SOLID)
@@ -229,6 +233,7 @@ def continued(values, degree):
     return values
 
 
+@SLOW
 @pytest.mark.parametrize("shape", [(9, 7), (7, 6, 5)])
 def test_a_continued_border_is_that_of_a_wider_grid(shape, rng):
     values = rng.normal(size=shape)
@@ -239,6 +244,7 @@ def test_a_continued_border_is_that_of_a_wider_grid(shape, rng):
     np.testing.assert_allclose(net, wide[inside], atol=1e-8 * np.ptp(values))
 
 
+@SLOW
 def test_a_continued_border_is_accurate_on_smooth_data():
     case = cases.ANALYTIC["franke"]
     plate = cf.GlobalFairing(thin_plate_weight=1.0, smoothness=0.02, iterations=0, tolerance=1e-6)
@@ -249,6 +255,7 @@ def test_a_continued_border_is_accurate_on_smooth_data():
     assert errors[1] < errors[0] / 5
 
 
+@SLOW
 def test_a_continued_border_with_holes_and_noise(rng):
     x = np.arange(12.0)
     smooth = np.sin(x[:, None] / 3) * np.cos(x / 4)
@@ -286,6 +293,7 @@ def fit_of(name):
     return cf.fair_field(case.samples(), spacing=case.spacing, method=clean())
 
 
+@SLOW
 @pytest.mark.parametrize(
     ("name", "most"),
     [
@@ -311,6 +319,7 @@ def test_power_one_is_more_accurate(name, most):
     assert rms(np.asarray(field.refine(8)) - case.refined(8)) < most + 0.00005
 
 
+@SLOW
 def test_power_one_bends_in_fewer_places():
     """The sum of the powers of the energies is smaller with that power, and their sum larger."""
     values = cases.ANALYTIC["step"].samples()
@@ -335,6 +344,7 @@ def test_updates_shrink(name):
     assert not np.asarray(report.filled).any()
 
 
+@SLOW
 def test_a_step_limit_is_reported():
     method = cf.GlobalFairing(max_steps=1)
     values = cases.ANALYTIC["ridge"].samples()
@@ -423,6 +433,7 @@ def noisy_field(sigma, size=24):
     return truth, truth + sigma * np.random.default_rng(5).normal(size=truth.shape)
 
 
+@SLOW
 @pytest.mark.parametrize(("sigma", "gain"), [(0.02, 1.5), (0.05, 2), (0.1, 3)])
 def test_noise_is_met_and_removed(sigma, gain):
     truth, values = noisy_field(sigma)
@@ -647,6 +658,7 @@ def test_structure_of_gentle_slopes_on_a_high_value(x64, rng):
     np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
 
 
+@SLOW
 @pytest.mark.parametrize("shape", [(5, 4), (3, 4, 3)])
 def test_the_form_is_symmetric_and_positive(shape, rng):
     """`apply` and `apply_in_place` are one symmetric matrix, without negative eigenvalues."""
@@ -672,6 +684,7 @@ def test_the_form_is_symmetric_and_positive(shape, rng):
     assert_close(form.apply_in_place(weights, dofs), expected, 1e-13)
 
 
+@SLOW
 @pytest.mark.parametrize("shape", [(5, 4), (3, 4, 3)])
 def test_in_place_in_several_chunks(shape, rng, monkeypatch):
     form = structure_form(jnp.ones(len(shape)), shape)
@@ -691,6 +704,7 @@ def test_in_place_in_several_chunks(shape, rng, monkeypatch):
     assert_close(form.densities(dofs), densities, 1e-13)
 
 
+@SLOW
 @BOTH
 def test_no_foreign_calls():
     """Noise, weights and the limiter call no LAPACK either; a bare method: `test_watchdog`."""

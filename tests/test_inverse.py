@@ -110,6 +110,7 @@ def test_residuals_are_field_minus_data(values_fit):
     )
 
 
+@SLOW
 def test_standard_deviation_is_that_of_the_dense_covariance(values_fit):
     problem, z = values_fit.problem, values_fit.search.unknowns
     point = jnp.array([3.0, 5.5])
@@ -146,6 +147,7 @@ def test_units_do_not_matter(values_fit):
     np.testing.assert_allclose((found.samples - 5e5) / 1e4, values_fit.samples, atol=1e-3)
 
 
+@SLOW
 @BOTH
 def test_precision_is_kept(x64):
     points, values = scattered()
@@ -158,6 +160,7 @@ def test_precision_is_kept(x64):
             fit(Values(points, values), dtype="float64")
 
 
+@SLOW
 def test_the_number_of_data_does_not_retrace():
     traces = []
 
@@ -188,6 +191,7 @@ def test_start_and_progress(values_fit, capsys):
 # Kinds of data ---------------------------------------------------------------------------
 
 
+@SLOW
 def test_all_kinds_of_data_together_recover_a_plane():
     """A plane has no thin plate energy, so all data fit exactly."""
     origin, spacing = np.array(GRID["origin"]), np.array(GRID["spacing"])
@@ -319,6 +323,7 @@ def test_padded_counts():
 # What goes wrong -------------------------------------------------------------------------
 
 
+@SLOW
 def test_contradictory_contour_lines_are_reported():
     line = np.array([[0.0, 3.5], [7.0, 3.5]])
     found = fit_samples([ContourLines([(1.0, line), (3.0, line)])], SHAPE, method=LINEAR)
@@ -329,6 +334,7 @@ def test_contradictory_contour_lines_are_reported():
     np.testing.assert_allclose(residuals[half:], -1.0, atol=1e-3)
 
 
+@SLOW
 def test_a_search_that_does_not_converge_says_so():
     points, values = scattered()
     with pytest.warns(UserWarning, match="did not converge: after 1 steps.*raise max_steps"):
@@ -496,6 +502,7 @@ def test_quantity_must_be_a_scalar(values_fit):
         values_fit.standard_deviation(lambda field: field.samples)
 
 
+@SLOW
 def test_a_deviation_that_did_not_converge_is_nan(values_fit):
     found = values_fit.standard_deviation(lambda field: field.samples[0, 0], max_steps=1)
     assert np.isnan(found)

@@ -123,6 +123,7 @@ def test_curvatures_of_a_cylinder_and_of_a_saddle():
     assert saddle.gaussian_curvature[middle] == pytest.approx(-1, abs=0.15)
 
 
+@pytest.mark.slow
 def test_curvature_is_that_of_the_field_with_other_spacing():
     field = catmull_rom(np.random.default_rng(3).normal(size=(6, 7, 5)), (1.0, 0.5, 3.0), 100.0)
     mesh = field.isosurface(0.1, 0.1)
@@ -164,6 +165,7 @@ def test_blocks_join():
     assert mesh.euler_characteristic == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 1e-3])
 def test_triangles_keep_to_the_tolerance(tolerance):
     field = waves()
@@ -290,6 +292,7 @@ def test_float32_fields():
     assert mesh.area == pytest.approx(field.isosurface(0.36).area, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_faired_samples_have_isosurfaces():
     x = np.linspace(-1, 1, 5)
     values = x[:, None, None] ** 2 + x[:, None] ** 2 + x**2
@@ -299,6 +302,7 @@ def test_faired_samples_have_isosurfaces():
     assert "triangles" in repr(mesh)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [cf.LocalFairing(), cf.GlobalFairing()], ids=["local", "global"])
 @pytest.mark.parametrize("kind", ["noise", "steps"])
 def test_surfaces_of_faired_samples_are_manifold(method, kind):

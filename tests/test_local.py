@@ -42,6 +42,7 @@ def test_equals_the_twin(grid, name, iterations):
     assert_close(ours, twin_net(name, grid, iterations), 1e-9)
 
 
+@pytest.mark.slow
 @on_uneven_grids(pytest.mark.slow)
 @pytest.mark.parametrize(("iterations", "quadrature_order"), [(1, 3), (2, 2)])
 def test_equals_the_twin_for_other_counts(grid, iterations, quadrature_order):
@@ -59,6 +60,7 @@ def test_equals_the_twin_for_other_weights(weight):
     assert_close(ours, twin.fair_net(values, grid.spacing, weight), 1e-9)
 
 
+@pytest.mark.slow
 def test_equals_the_twin_on_a_longer_field():
     """More vertices than one batch need not be, and an analytic field."""
     field = cases.ANALYTIC["disk"]
@@ -98,6 +100,7 @@ def test_planes_are_reproduced(grid, iterations):
 # Solvers ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @BOTH
 @on_uneven_grids(pytest.mark.slow)
 def test_solvers_agree(grid, x64):
@@ -181,6 +184,7 @@ def test_spacing_ratios_matter(ndim, iterations):
     assert np.abs(even - uneven).max() > 1e-2 * np.ptp(even)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "length"),
     [((9, 700), 10), pytest.param((6, 7, 260), 5, marks=pytest.mark.slow)],

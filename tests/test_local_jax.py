@@ -179,6 +179,7 @@ def weights_on(grid, rng):
     return rng.normal(size=[3 * (n - 1) + 1 for n in grid.shape])
 
 
+@pytest.mark.slow
 @BOTH
 @IN_2D_AND_SLOWLY_3D
 def test_gradients_are_finite(ndim, rng, x64):
@@ -219,6 +220,7 @@ def test_gradients_equal_differences_of_the_twin(ndim, rng):
     assert weight == pytest.approx(difference("weight"), rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(6, 5), (4, 3, 4)])
 @pytest.mark.parametrize(
     "method",

@@ -45,6 +45,7 @@ def signed_volume(points, triangles):
     return np.linalg.det(points.astype(float)[triangles]).sum() / 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(5, 6), (4, 5, 3)])
 def test_vtk_evaluates_the_field(shape):
     rng = np.random.default_rng(0)
@@ -156,6 +157,7 @@ def call(capsys, *arguments):
     return code, captured.out, captured.err
 
 
+@pytest.mark.slow
 def test_isosurface_command(scan, tmp_path, capsys):
     target, picture = tmp_path / "mesh.vtp", tmp_path / "mesh.png"
     code, out, err = call(
@@ -187,6 +189,7 @@ def test_isosurface_command_refuses(scan, tmp_path, capsys, monkeypatch, argumen
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", READERS)
 def test_isosurface_command_at_a_level_outside_the_range(suffix, scan, tmp_path, capsys):
     target, picture = tmp_path / f"mesh{suffix}", tmp_path / "mesh.png"
@@ -212,6 +215,7 @@ def test_isosurface_command_refuses_images(tmp_path, capsys):
     assert "3-D data is needed" in err
 
 
+@pytest.mark.slow
 def test_metrics_command(scan, tmp_path, capsys):
     picture = tmp_path / "metrics.png"
     code, out, _ = call(capsys, "metrics", scan, "--levels", "2,2.5", "--plot", picture)
@@ -239,6 +243,7 @@ def test_metrics_command(scan, tmp_path, capsys):
     assert len(found["changes"]) == len(rows) - 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ndim", [2, 3])
 def test_metrics_command_counts_its_steps(scan, ndim, tmp_path, monkeypatch, capsys):
     moves = []
@@ -253,6 +258,7 @@ def test_metrics_command_counts_its_steps(scan, ndim, tmp_path, monkeypatch, cap
     assert moves == [(k + 1, 6) for k in range(6)]
 
 
+@pytest.mark.slow
 def test_metrics_command_leaves_the_same_cells_out(tmp_path, capsys):
     x = np.linspace(-1, 1, 12)
     plane = x[:, None] + 0.5 * x
@@ -266,6 +272,7 @@ def test_metrics_command_leaves_the_same_cells_out(tmp_path, capsys):
     assert found["changes"] == []
 
 
+@pytest.mark.slow
 def test_adaptive_command(scan, tmp_path, capsys):
     target = tmp_path / "leaves.vtu"
     code, out, _ = call(capsys, "adaptive", scan, "--tolerance", 0.05, "-o", target)

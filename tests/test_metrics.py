@@ -310,6 +310,7 @@ def test_components_of_volumes_agree_with_a_fine_grid():
     assert 10 < meetings < 90
 
 
+@pytest.mark.slow
 def test_a_thin_ridge_is_joined():
     case = cases.ANALYTIC["ridge"]
     found = metrics.compare(case.samples(), spacing=case.spacing, origin=-1.0)
@@ -321,6 +322,7 @@ def test_a_thin_ridge_is_joined():
     assert str(merged[0]) in str(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [cf.LocalFairing(), cf.GlobalFairing()])
 def test_both_fields_are_compared_in_the_same_cells(method):
     x = np.linspace(-1, 1, 12)
@@ -354,6 +356,7 @@ def test_comparison_of_signals_is_refused():
         metrics.compare(np.zeros(4))
 
 
+@pytest.mark.slow
 def test_a_thin_rod_is_joined():
     """A rod across a volume, oblique: trilinear interpolation tears it into beads."""
     x = np.linspace(-1, 1, 9)
@@ -375,6 +378,7 @@ def test_a_thin_rod_is_joined():
     assert str(merged[0]) in str(found)
 
 
+@pytest.mark.slow
 def test_volumes_are_compared_in_the_same_cells():
     x = np.linspace(-1, 1, 7)
     plane = x[:, None, None] + 0.5 * x[:, None] + 0.2 * x

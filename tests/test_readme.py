@@ -38,6 +38,7 @@ def run(script: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_first_example_runs(tmp_path):
     first = blocks("python")[0]
     printed = run(first, tmp_path)

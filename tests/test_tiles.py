@@ -144,6 +144,7 @@ def test_a_dask_cluster_gives_the_same_bits(tmp_path, samples):
     np.testing.assert_array_equal(second, first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "dtype"),
     [
@@ -177,6 +178,7 @@ def test_global_tiles_agree_with_the_whole(tmp_path):
     assert np.abs(fine - whole).max() < 1e-5 * np.ptp(noise)
 
 
+@pytest.mark.slow
 def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
     noise = np.random.default_rng(SEED).standard_normal((9, 41))
     method = cf.GlobalFairing(iterations=1)
@@ -410,6 +412,7 @@ def environment(**settings):
     return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **settings}
 
 
+@pytest.mark.slow
 def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
     affine = np.array([[-30.0, 0, 4e6], [0, 20.0, 5e5], [0, 0, 1]])
     values = samples.astype("float32")
@@ -569,6 +572,7 @@ def on_mesh(tmp_path, samples, what):
     return [float(text) for text in done.stdout.split()]
 
 
+@pytest.mark.slow
 def test_four_devices_agree_with_one(tmp_path, samples, four_devices):
     devices, from_tiles, from_whole = on_mesh(tmp_path, samples, "values")
     assert devices == 4

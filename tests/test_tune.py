@@ -40,6 +40,7 @@ def settings(method):
     )
 
 
+@SLOW
 @BOTH
 def test_small_weights_for_a_ridge(x64):
     method = cf.tune(RIDGE if x64 else np.float32(RIDGE))
@@ -52,6 +53,7 @@ def test_deterministic():
     assert settings(cf.tune(RIDGE)) == settings(tuned("ridge"))
 
 
+@SLOW
 def test_no_worse_than_a_spline_on_smooth_fields():
     x = np.linspace(-1, 1, 49)
     smooth = np.sin(7 * x[:, None] + x) * np.cos(6 * x + 2 * x[:, None] ** 2)
@@ -63,6 +65,7 @@ def test_no_worse_than_a_spline_on_smooth_fields():
     assert np.sqrt(np.mean(error**2)) < np.sqrt(np.mean((spline - smooth) ** 2))
 
 
+@SLOW
 def test_chosen_settings_are_more_accurate():
     case = cases.ANALYTIC["ridge"]
     errors = [
@@ -92,6 +95,7 @@ def test_tension_for_noise():
     assert tension >= 4
 
 
+@SLOW
 def test_scale_spacing_and_offset_do_not_matter():
     for values, spacing in ((1e6 * RIDGE + 1e3, 1.0), (RIDGE, 30.0), (-RIDGE, (1.0, 1.0))):
         assert settings(cf.tune(values, spacing=spacing)) == settings(tuned("ridge"))

@@ -56,6 +56,7 @@ def finish(kind: str, method: str, jax_folder: Path | None = None, processes: in
     return version
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(LIMIT + 30)
 def test_default_path_does_not_hang():
     assert finish(*SMALL) == jax.__version__
@@ -124,6 +125,7 @@ def custom_calls(method, shape) -> set[str]:
     return set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
 
 
+@pytest.mark.slow
 @pytest.mark.both_precisions
 @pytest.mark.parametrize("shape", [(6, 5), (4, 5, 6)])
 @pytest.mark.parametrize("method", METHODS)

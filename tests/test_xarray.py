@@ -61,6 +61,7 @@ def test_coordinates_that_descend_only_turn_the_result():
         np.testing.assert_allclose(fine[::3, ::3], array[turned], rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_the_type_of_the_samples_is_kept():
     assert field(dtype="f4").fair.upsample(2).dtype == np.float32
     assert field(dtype="f8").fair.upsample(2).dtype == np.float64
@@ -82,6 +83,7 @@ def test_time_is_a_batch_and_dims_come_back_in_their_order():
     )
 
 
+@pytest.mark.slow
 def test_volumes():
     array = xr.DataArray(np.random.default_rng(0).normal(size=(3, 4, 3)), dims=("z", "y", "x"))
     fine = array.fair.upsample(2, method=cf.LocalFairing(iterations=0))
@@ -107,6 +109,7 @@ def test_coordinates_beside_are_refined_linearly_or_left_out():
 # ---- all the way round ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("descending", [False, True])
 def test_a_periodic_axis_has_no_seam(descending):
     lon = np.arange(0.0, 360.0, 30.0)
@@ -134,6 +137,7 @@ def test_an_axis_that_is_not_all_around_is_refused():
 # ---- interp --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_interp_on_a_grid_equals_upsample():
     array = field()
     fine = array.fair.upsample(4)
@@ -143,6 +147,7 @@ def test_interp_on_a_grid_equals_upsample():
     )
 
 
+@pytest.mark.slow
 def test_interp_takes_what_xarray_takes():
     array = field()
     along = {
@@ -171,6 +176,7 @@ def test_interp_outside_follows_the_rule():
     )
 
 
+@pytest.mark.slow
 def test_positions_far_from_zero_keep_their_digits_in_single_precision():
     y, x = 5_000_000.0 + 0.5 * np.arange(6), 400_000.0 + 0.5 * np.arange(9)
     plane = np.arange(54, dtype="f4").reshape(6, 9)
@@ -182,6 +188,7 @@ def test_positions_far_from_zero_keep_their_digits_in_single_precision():
 # ---- contours ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lat", [UP, DOWN], ids=["up", "down"])
 def test_contours_are_in_the_coordinates_of_the_array(lat):
     array = (field(lat=lat) * 0 + (field(lat=lat).lat - 50) ** 2 / 25) + (field().lon - 1) ** 2
@@ -235,6 +242,7 @@ def test_interp_names_what_it_does_not_know():
         field().fair.interp(lat=np.ones((2, 2)))
 
 
+@pytest.mark.slow
 def test_dask_chunks_are_kept_and_change_nothing(monkeypatch):
     overlap = _tile_program.Overlap(1, {2: 8, 3: 4})
     monkeypatch.setitem(_tile_program._OVERLAPS, cf.LocalFairing, overlap)

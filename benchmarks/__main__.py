@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -44,18 +45,29 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
+class Subject(StrEnum):
+    """What a benchmark is about."""
+
+    SPEED = "speed"
+    QUALITY = "quality"
+    ENDURANCE = "endurance"
+
+
 @dataclass(frozen=True)
 class Benchmark:
-    """One command: how to run it, how to print it, and its precision."""
+    """One command: how to run it, how to print it, its precision, and its subject."""
 
     run: Callable[..., Result]
     tables: Callable[[Result], dict[str, str]]
     x64: bool
     about: str
+    subject: Subject = Subject.QUALITY
 
 
 BENCHMARKS = {
-    "machine": Benchmark(machine.run, machine.tables, False, "Rates of the machine."),
+    "machine": Benchmark(
+        machine.run, machine.tables, False, "Rates of the machine.", Subject.SPEED
+    ),
     "accuracy": Benchmark(accuracy.run, accuracy.tables, True, "Errors on analytic fields."),
     "real2d": Benchmark(real.run, real.tables, True, "Real 2-D fields, half the samples dropped."),
     "real3d": Benchmark(
@@ -77,16 +89,26 @@ BENCHMARKS = {
     ),
     "surfaces": Benchmark(surfaces.run, surfaces.tables, True, "Isosurfaces of real volumes."),
     "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),
-    "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2."),
-    "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes)."),
-    "targets": Benchmark(targets.run, targets.tables, False, "Ratios to reach; --short."),
-    "parts": Benchmark(parts.run, parts.tables, False, "Where the time of fairing goes."),
-    "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes)."),
-    "gpu": Benchmark(gpu.run, gpu.tables, gpu.X64, "Times on a GPU; --short."),
-    "tiles": Benchmark(tiles.run, tiles.tables, False, "Larger than memory; --size."),
+    "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2.", Subject.SPEED),
+    "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes).", Subject.SPEED),
+    "targets": Benchmark(
+        targets.run, targets.tables, False, "Ratios to reach; --short.", Subject.SPEED
+    ),
+    "parts": Benchmark(
+        parts.run, parts.tables, False, "Where the time of fairing goes.", Subject.SPEED
+    ),
+    "memory": Benchmark(memory.run, memory.tables, False, "Peak memory (minutes).", Subject.SPEED),
+    "gpu": Benchmark(gpu.run, gpu.tables, gpu.X64, "Times on a GPU; --short.", Subject.SPEED),
+    "tiles": Benchmark(
+        tiles.run, tiles.tables, False, "Larger than memory; --size.", Subject.ENDURANCE
+    ),
     "seams": Benchmark(seams.run, seams.tables, seams.X64, "Tiles against the whole grid."),
     "reliability": Benchmark(
-        reliability.run, reliability.tables, True, "Kills and damaged files survived (minutes)."
+        reliability.run,
+        reliability.tables,
+        True,
+        "Kills and damaged files survived (minutes).",
+        Subject.ENDURANCE,
     ),
 }
 
@@ -152,10 +174,13 @@ def run_tiles(
 
 
 @app.command("all")
-def run_all(quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False) -> None:
+def run_all(
+    subject: Annotated[Subject | None, typer.Argument(help="Only those about this.")] = None,
+    quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False,
+) -> None:
     """Run every benchmark but `gpu`, each in a process of its own, then rewrite the tables."""
-    for name in BENCHMARKS:
-        if name == "gpu":  # not every machine has one
+    for name, benchmark in BENCHMARKS.items():
+        if name == "gpu" or subject not in (None, benchmark.subject):  # not all have a GPU
             continue
         flags = ["--quiet"] if quiet else []
         subprocess.run([sys.executable, "-m", "benchmarks", name, *flags], check=True)

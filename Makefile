@@ -50,6 +50,7 @@ test: $(READY) ## The fast tests, with 64-bit types on, then those that must als
 
 test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real data where it is there.
 	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) --durations=15
+	$(QUICK) JAX_ENABLE_X64=0 $(PYTEST) -m "slow or data" $(SPREAD)
 
 test-all: test test-slow ## All tests.
 

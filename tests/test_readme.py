@@ -48,6 +48,7 @@ def test_first_example_runs(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_other_examples_and_commands_run(tmp_path):
     for script in blocks("python")[1:]:
         run(script, tmp_path)

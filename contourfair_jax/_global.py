@@ -33,7 +33,7 @@ from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import has_wide_holes
 from ._normals import LARGEST_COHERENCE, coherent_normals
-from ._reweight import Powers, cell_powers
+from ._reweight import Powers, cell_powers, weighs_cells
 
 
 class GlobalFairing(AbstractFairing):
@@ -262,7 +262,7 @@ class GlobalFairing(AbstractFairing):
         plain = powers.thin_plate_weight
         tensor = [(1.0 if a == b else 0.0) - (1 - plain) * normals[a, b] for a, b in axes]
         weights = jnp.stack([cells_to_row(entry) for entry in tensor])
-        if is_traced(self.norm) or float(self.norm) != 2:
+        if weighs_cells(self.norm):
             energies = row_to_cells(jnp.sum(weights * energy.densities(dofs), axis=0), shape)
             weights = weights * cells_to_row(cell_powers(energies, powers.norm))[None]
         if self.cell_weights is None:

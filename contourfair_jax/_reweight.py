@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ._energy import FLAT
+from ._method import is_traced
 
 # Energies far below this part of the mean count as equally small.
 FLOOR = 0.01
@@ -25,6 +26,11 @@ class Powers(NamedTuple):
     def unless(self, first: Bool[Array, "..."]) -> "Powers":
         """Those of thin plate where `first` is true."""
         return Powers(*(jnp.where(first, p, q) for p, q in zip((1, 2), self, strict=True)))
+
+
+def weighs_cells(norm: float | Float[Array, ""]) -> bool:
+    """Whether this power of the energy makes cells count differently; a traced one may."""
+    return is_traced(norm) or float(norm) != 2
 
 
 def cell_powers(

@@ -16,7 +16,8 @@ from ._field import BezierField
 from ._gaps import without_gaps
 from ._global import GlobalFairing
 from ._local import LocalFairing
-from ._method import AbstractFairing, is_traced
+from ._method import AbstractFairing
+from ._reweight import weighs_cells
 from ._tiling import Tiling
 
 
@@ -65,8 +66,7 @@ def overlap_of(method: AbstractFairing, ndim: int, factor: int) -> tuple[int, in
                 f"method.{name} looks at the whole grid, so it cannot be used in tiles; "
                 "leave it None, or fair the whole grid with fair_field"
             )
-    norm = getattr(method, "norm", 2)
-    if is_traced(norm) or float(norm) != 2:
+    if weighs_cells(getattr(method, "norm", 2)):
         raise ValueError(
             "method.norm below 2 weighs cells by the mean of the whole grid, so it cannot be used "
             "in tiles; leave it 2, or fair the whole grid with fair_field"

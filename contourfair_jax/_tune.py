@@ -1,7 +1,8 @@
 """Settings of global fairing chosen from the samples alone, by cross-validation."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -26,18 +27,27 @@ class Candidate(NamedTuple):
     border_degree: int = 0
 
 
+class Errors(NamedTuple):
+    """Mean squares over all samples that are dropped, and over those away from the border."""
+
+    everywhere: float
+    inside: float
+
+
 # Thin plate (weight 1) is for terrain, its tension for noise; smoothness is for what is analytic;
 # small weights are for ridges, with tension along them for jagged edges.  Power 1 of the energy is
 # better than 2 on nearly all data.
+WAVES = Candidate(0.05, 1, 0.0, 0.12, 1.0)
+JAGGED = Candidate(0.003, 2, 20.0, 0.0, 1.0)
 CANDIDATES = (
     Candidate(1.0, 1, 0.0, 0.0, 1.0),
     Candidate(1.0, 1, 300.0, 0.0, 1.0),
     Candidate(0.3, 1, 20.0, 0.0, 1.0),
     Candidate(0.05, 1, 20.0, 0.0, 1.0),
-    Candidate(0.05, 1, 0.0, 0.12, 1.0),
+    WAVES,
     Candidate(0.01, 2, 0.0, 0.0, 1.0),
     Candidate(0.003, 2, 0.0, 0.0, 1.0),
-    Candidate(0.003, 2, 20.0, 0.0, 1.0),
+    JAGGED,
     Candidate(0.001, 2, 1000.0, 0.0, 2.0),
 )
 
@@ -50,10 +60,11 @@ HANDICAP = 1.25
 COHERENCE = 1.2
 
 # Waves that the samples just resolve look like noise on a checkerboard of them.  Where one of these
-# candidates, for smooth waves and for jagged edges, is this much better when only a few samples
-# are dropped, the checkerboard was too coarse.
-WITNESSES = (4, 7)
+# candidates is this much better when only a few samples are dropped, at least so many, the
+# checkerboard was too coarse.
+WITNESSES = (WAVES, JAGGED)
 FOOLED = 1.4
+FEWEST = 8
 
 # Renewals of the normals while candidates are compared.
 ITERATIONS = 2
@@ -117,19 +128,21 @@ def tune(
     if isinstance(values, Tracer):
         raise ValueError("values must be known to choose settings; call tune outside jax.jit")
     known = ~jnp.isnan(values)
-    if int(jnp.sum(known)) < 8:
-        raise ValueError("values must hold at least 8 samples that are not NaN to be tuned on")
+    if int(jnp.sum(known)) < FEWEST:
+        raise ValueError(
+            f"values must hold at least {FEWEST} samples that are not NaN to be tuned on"
+        )
     # One colour ranks the settings as well as both do, for half the price.
     odd = jnp.asarray(_colours(values.shape) == 1)
     half = odd if 4 * int(jnp.sum(known & odd)) >= int(jnp.sum(known)) else ~odd
-    everywhere, inside = zip(*(_errors(values, spacing, c, half) for c in CANDIDATES), strict=True)
-    best = _least(everywhere)
     few = _scattered(known)
-    if _fooled(values, spacing, best, few):
-        chosen = CANDIDATES[_least([_errors(values, spacing, c, few)[0] for c in CANDIDATES])]
-    else:
-        _, probe = _errors(values, spacing, PROBE, half)
-        chosen = SMOOTH if HANDICAP * probe < inside[best] else CANDIDATES[best]
+    on_half = functools.cache(lambda candidate: _errors(values, spacing, candidate, half))
+    on_few = functools.cache(lambda candidate: _errors(values, spacing, candidate, few))
+    chosen = _least(on_half)
+    if int(jnp.sum(known & few)) >= FEWEST and _contradicted(chosen, on_few):
+        chosen = _least(on_few)
+    elif HANDICAP * on_half(PROBE).inside < on_half(chosen).inside:
+        chosen = SMOOTH
     return GlobalFairing(**chosen._asdict(), coherence=COHERENCE, sigma=sigma)  # pyright: ignore
 
 
@@ -198,27 +211,23 @@ def _inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
     return jnp.asarray(inside)
 
 
-def _least(errors: Sequence[float]) -> int:
+def _least(errors: Callable[[Candidate], Errors]) -> Candidate:
     """The best candidate.
 
     What is smooth over the wide gaps of cross-validation need not be over the gaps between all
     samples: smoothness s has to lower the error by more than s of it.
     """
-    return int(np.argmin([e * (1 + c.smoothness) for e, c in zip(errors, CANDIDATES, strict=True)]))
+    return min(CANDIDATES, key=lambda each: errors(each).everywhere * (1 + each.smoothness))
 
 
-def _fooled(values: Array, spacing: Array, best: int, few: Array) -> bool:
-    """Whether dropping half of the samples chose what dropping a few contradicts."""
-    if int(jnp.sum(few & ~jnp.isnan(values))) < 8:
-        return False
-    found, *others = (_errors(values, spacing, CANDIDATES[k], few)[0] for k in (best, *WITNESSES))
-    return found > FOOLED * min(others)
+def _contradicted(chosen: Candidate, errors: Callable[[Candidate], Errors]) -> bool:
+    """Whether a witness has far smaller errors."""
+    least = min(errors(each).everywhere for each in WITNESSES)
+    return errors(chosen).everywhere > FOOLED * least
 
 
-def _errors(
-    values: Array, spacing: Array, candidate: Candidate, dropped: Array
-) -> tuple[float, float]:
-    """Mean squares of the errors of a candidate, everywhere and inside."""
+def _errors(values: Array, spacing: Array, candidate: Candidate, dropped: Array) -> Errors:
+    """Of a candidate at the samples that are dropped."""
     # Without normals and powers of the energy the first fit is the last, and can be more exact.
     plain = candidate.thin_plate_weight == 1 and candidate.norm == 2
     method = GlobalFairing(
@@ -231,7 +240,7 @@ def _errors(
     # Arrays, so that candidates share programs.
     setting = jnp.asarray([candidate.thin_plate_weight, *candidate[2:5]], values.dtype)
     everywhere, inside = _errors_of(method, values, spacing, setting, dropped)
-    return float(everywhere), float(inside)
+    return Errors(float(everywhere), float(inside))
 
 
 @jax.jit

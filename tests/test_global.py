@@ -78,7 +78,7 @@ def test_equals_the_twin(sharpness, name):
 
 
 @SLOW
-@pytest.mark.parametrize("sharpness", [pytest.param(1, marks=SLOW), 2])
+@pytest.mark.parametrize("sharpness", [1, 2])
 def test_equals_the_twin_in_3d(sharpness):
     for field, name in (("ridge", "plain"), ("noise", "others"), ("ridge", "robust")):
         method = exact(sharpness, **SETTINGS[name])
@@ -301,8 +301,8 @@ def fit_of(name):
         ("step", 0.0060),
         ("disk", 0.0090),
         ("cone", 0.0053),
-        pytest.param("franke", 0.0018, marks=SLOW),
-        pytest.param("marschner_lobb_slice", 0.0078, marks=SLOW),
+        ("franke", 0.0018),
+        ("marschner_lobb_slice", 0.0078),
     ],
 )
 def test_accuracy(name, most):

@@ -43,7 +43,7 @@ def test_equals_the_twin(grid, name, iterations):
 
 
 @pytest.mark.slow
-@on_uneven_grids(pytest.mark.slow)
+@on_uneven_grids()
 @pytest.mark.parametrize(("iterations", "quadrature_order"), [(1, 3), (2, 2)])
 def test_equals_the_twin_for_other_counts(grid, iterations, quadrature_order):
     settings = {"iterations": iterations, "quadrature_order": quadrature_order}
@@ -102,7 +102,7 @@ def test_planes_are_reproduced(grid, iterations):
 
 @pytest.mark.slow
 @BOTH
-@on_uneven_grids(pytest.mark.slow)
+@on_uneven_grids()
 def test_solvers_agree(grid, x64):
     for name in ("noise", "saddle", "constant"):
         samples = samples_of(name, grid).astype(np.float64 if x64 else np.float32)
@@ -185,10 +185,7 @@ def test_spacing_ratios_matter(ndim, iterations):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("shape", "length"),
-    [((9, 700), 10), pytest.param((6, 7, 260), 5, marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize(("shape", "length"), [((9, 700), 10), ((6, 7, 260), 5)])
 def test_tiles_with_a_halo_of_one_are_exact(shape, length, rng):
     """A field too large to be worked on at once, against tiles of it; one sample is missing."""
     values = rng.normal(size=shape)

@@ -181,7 +181,7 @@ def weights_on(grid, rng):
 
 @pytest.mark.slow
 @BOTH
-@IN_2D_AND_SLOWLY_3D
+@pytest.mark.parametrize("ndim", [2, 3])
 def test_gradients_are_finite(ndim, rng, x64):
     """In the samples, the weight and the spacing, on every field, flat ones included."""
     grid = cases.GRIDS[ndim][1]

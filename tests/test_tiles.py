@@ -147,11 +147,7 @@ def test_a_dask_cluster_gives_the_same_bits(tmp_path, samples):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "dtype"),
-    [
-        (SHAPE, "float32"),
-        (SHAPE, "int16"),
-        pytest.param((11, 6, 9), "float32", marks=pytest.mark.slow),
-    ],
+    [(SHAPE, "float32"), (SHAPE, "int16"), ((11, 6, 9), "float32")],
 )
 def test_volumes_gaps_and_types(tmp_path, rng, shape, dtype):
     values = (100 * rng.standard_normal(shape)).astype(dtype)

@@ -78,10 +78,8 @@ def test_chosen_settings_are_more_accurate():
 @SLOW
 def test_waves_that_the_samples_just_resolve():
     """They look like noise where every other sample is dropped, but not where one in five is."""
-    x = np.linspace(-1, 1, 161)
-    radius = np.hypot(x[:, None], x[None, :])
-    waves = np.cos(12 * np.pi * np.cos(np.pi * radius / 2))  # of Marschner and Lobb
-    samples = waves[::4, ::4]
+    case = cases.ANALYTIC["marschner_lobb_slice"]
+    waves, samples = case.refined(4), case.samples()
     field = cf.fair_field(samples, method=cf.tune(samples))
     plate = cf.fair_field(samples, method=cf.GlobalFairing(thin_plate_weight=1.0))
     ours, theirs = (np.std(each.refine(4) - waves) for each in (field, plate))

@@ -185,27 +185,40 @@ def energy_form(
     """
     ndim = len(shape)
     one = jnp.asarray(1.0, spacing.dtype)
-    orders = ((0, tension), (1, one), (2, smoothness))
+    weights = ((0, tension), (1, one), (2, smoothness))
     matrices = []
     for a, b in derivatives(2, ndim):
-        matrix = sum(
-            weight * _scaled(gram(_orders((a, *c), ndim), _orders((b, *c), ndim)), spacing, axes)
-            for order, weight in orders
-            for c in itertools.product(range(ndim), repeat=order)
-            for axes in [(a, b, *c, *c)]
-        )
-        matrices.append(matrix if a == b else matrix + matrix.T)  # pyright: ignore
+        matrix = _contracted(a, b, spacing, weights)
+        matrices.append(matrix if a == b else matrix + matrix.T)
     return CellForm(jnp.stack(matrices), shape)
 
 
-def structure_form(spacing: Float[Array, " ndim"], shape: tuple[int, ...]) -> CellForm:
-    """`<f_a, f_b>` for a <= b: the structure tensor of every cell."""
+def structure_form(
+    spacing: Float[Array, " ndim"],
+    shape: tuple[int, ...],
+    hessian_weight: Float[Array, ""] | float = 0.0,
+) -> CellForm:
+    """`<f_a, f_b> + hessian_weight sum_c <f_ac, f_bc>` for a <= b: what directs the normals."""
     ndim = len(shape)
+    one = jnp.asarray(1.0, spacing.dtype)
     matrices = []
     for a, b in derivatives(2, ndim):
-        matrix = gram(_orders((a,), ndim), _orders((b,), ndim))
-        matrices.append(_scaled((matrix + matrix.T) / 2, spacing, (a, b)))
+        matrix = _contracted(a, b, spacing, ((0, one), (1, hessian_weight)))
+        matrices.append((matrix + matrix.T) / 2)
     return CellForm(jnp.stack(matrices), shape)
+
+
+def _contracted(
+    a: int, b: int, spacing: Float[Array, " ndim"], weights: tuple[tuple[int, Array | float], ...]
+) -> Float[Array, "fours fours"]:
+    """Products of derivatives along a and b, and of those along further axes, by order."""
+    ndim = len(spacing)
+    return sum(  # pyright: ignore
+        weight * _scaled(gram(_orders((a, *c), ndim), _orders((b, *c), ndim)), spacing, axes)
+        for order, weight in weights
+        for c in itertools.product(range(ndim), repeat=order)
+        for axes in [(a, b, *c, *c)]
+    )
 
 
 def _scaled(matrix: np.ndarray, spacing: Array, axes: tuple[int, ...]) -> Array:

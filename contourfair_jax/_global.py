@@ -62,6 +62,11 @@ class GlobalFairing(AbstractFairing):
         Width of the Gaussian that averages the normal tensors, in cells, 0 to 2.5.
     sharpness : int
         Power p of the normal tensor, `N = J^p / tr(J^p)`: larger trusts the main direction more.
+    hessian_weight : float
+        Weight of `h^2 H H^T` beside `g g^T` in the tensor J that normals come from, with h the
+        smallest spacing.  The gradient alone misses how the field bends along ridges, valleys and
+        on slopes; with both (Koethe's boundary tensor) small `thin_plate_weight` suits terrain
+        too.  0.5 to 8.
     tension : float
         Weight of `g^T M g / h^2` in the energy, with h the smallest spacing.  Holds slopes back,
         for a thin plate (w = 1) in all directions, otherwise along the contours: more for rough
@@ -118,6 +123,7 @@ class GlobalFairing(AbstractFairing):
     converge: float | None = eqx.field(static=True, default=None)
     coherence: float | Float[Array, ""] = 1.2
     sharpness: int = eqx.field(static=True, default=1)
+    hessian_weight: float | Float[Array, ""] = 0.0
     tension: float | Float[Array, ""] = 0.0
     smoothness: float | Float[Array, ""] = 0.0
     norm: float | Float[Array, ""] = 2.0
@@ -138,6 +144,7 @@ class GlobalFairing(AbstractFairing):
         _check.check_real(self.coherence, "coherence", most=LARGEST_COHERENCE)
         _check.check_count(self.sharpness, 1, "sharpness")
         _check.check_count(self.border_degree, 0, "border_degree", most=LARGEST_DEGREE)
+        _check.check_real(self.hessian_weight, "hessian_weight")
         _check.check_real(self.tension, "tension")
         _check.check_real(self.smoothness, "smoothness")
         _check.check_real(self.norm, "norm", least=1.0, most=2.0)
@@ -173,7 +180,7 @@ class GlobalFairing(AbstractFairing):
         exact = ~missing if self.sigma is None else jnp.zeros_like(missing)
         free = jnp.ones(start.shape, dtype=bool).at[0].set(~exact.ravel())
         energy = energy_form(spacing, shape, self.tension, self.smoothness)
-        structure = structure_form(spacing, shape)
+        structure = structure_form(spacing, shape, self.hessian_weight)
         trust = _noise.trust(self.sigma, missing, spread)
 
         @partial(jax.checkpoint, prevent_cse=False, policy=save_solutions)

@@ -1,8 +1,9 @@
 r"""Normal tensors of cells, averaged over a neighbourhood.
 
-The structure tensor of a cell is `J = integral of g g^T`.  Smoothed over cells with a Gaussian, its
-power `N = J^p / tr(J^p)` is n n^T where neighbouring level sets agree on their normal n, and I / d
-at corners, blobs and flat places.  No eigenvectors, so it has derivatives everywhere.
+The structure tensor of a cell is `J = integral of g g^T`, with part of `h^2 H H^T` if wanted (the
+boundary tensor of Koethe 2003).  Smoothed over cells with a Gaussian, its power
+`N = J^p / tr(J^p)` is n n^T where neighbouring level sets agree on their normal n, and I / d at
+corners, blobs and flat places.  No eigenvectors, so it has derivatives everywhere.
 """
 
 import jax

@@ -43,6 +43,7 @@ class Settings(NamedTuple):
     iterations: int = 3
     coherence: float = 1.2
     sharpness: int = 1
+    hessian_weight: float = 0.0
     tension: float = 0.0
     smoothness: float = 0.0
     norm: float = 2.0
@@ -138,15 +139,16 @@ def unknowns_of(cell, shape):
     return numbers
 
 
-def structure_tensors(unknowns, shape, spacing):
-    """Integral of g g^T over every cell, shape (*cells, d, d)."""
+def structure_tensors(unknowns, shape, spacing, hessian_weight):
+    """Integral of g g^T + hessian_weight H H^T over every cell, shape (*cells, d, d)."""
     ndim = len(shape)
     tensors = np.zeros([n - 1 for n in shape] + [ndim, ndim])
     for cell in cells_of(shape):
         local = unknowns[unknowns_of(cell, shape)]
         for point in gauss_points(spacing):
             g = local @ point.gradients
-            tensors[cell] += point.weight * np.outer(g, g)
+            h = np.tensordot(local, point.hessians, 1)
+            tensors[cell] += point.weight * (np.outer(g, g) + hessian_weight * h @ h.T)
     return tensors
 
 
@@ -270,9 +272,8 @@ def fit(values, spacing, settings):
     unknowns, normals = None, None
     for iteration in range(settings.iterations + 1):
         if iteration:
-            tensors = smoothed(
-                structure_tensors(unknowns, shape, spacing), settings.coherence, ndim
-            )
+            tensors = structure_tensors(unknowns, shape, spacing, settings.hessian_weight)
+            tensors = smoothed(tensors, settings.coherence, ndim)
             normals = normal_tensors(tensors, settings.sharpness, ndim)
         matrix = energy_matrix(normals, unknowns, shape, spacing, settings)
         if settings.sigma is None:

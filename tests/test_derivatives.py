@@ -24,6 +24,7 @@ EXACT = {"tolerance": 1e-14}
 MIXED = {
     "thin_plate_weight": 0.1,
     "coherence": 1.2,
+    "hessian_weight": 0.7,
     "tension": 3.0,
     "smoothness": 0.04,
     "norm": 1.3,

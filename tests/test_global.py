@@ -28,6 +28,7 @@ SETTINGS = {
     "plain": {},
     "tension": {"tension": 3.0},
     "others": {"thin_plate_weight": 0.3, "coherence": 0.6, "tension": 0.5, "smoothness": 0.1},
+    "hessian": {"thin_plate_weight": 0.05, "hessian_weight": 2.0, "norm": 1.3},
     "robust": {"tension": 0.5, "norm": 1.0},
 }
 
@@ -80,7 +81,7 @@ def test_equals_the_twin(sharpness, name):
 @SLOW
 @pytest.mark.parametrize("sharpness", [1, 2])
 def test_equals_the_twin_in_3d(sharpness):
-    for field, name in (("ridge", "plain"), ("noise", "others"), ("ridge", "robust")):
+    for field, name in (("ridge", "plain"), ("noise", "others"), ("ridge", "hessian")):
         method = exact(sharpness, **SETTINGS[name])
         values = samples_of(field, SOLID)
         expected = twin_net(values, SOLID, method, **SETTINGS[name])
@@ -181,6 +182,21 @@ def test_axes_may_be_swapped():
     values = samples_of("smooth_random", FLAT)
     net = net_of(values, exact(), FLAT.spacing)
     assert_close(net_of(values.T, exact(), FLAT.spacing[::-1]).T, net, 1e-9)
+
+
+@SLOW
+def test_normals_from_second_derivatives_do_not_see_slopes():
+    values = samples_of("ridge", FLAT)
+    x, y = np.indices(FLAT.shape) * 2.0
+    tilted = values + x - 0.5 * y
+    u, v = (np.arange(3 * n - 2) / 3 * 2.0 for n in FLAT.shape)
+    slope = u[:, None] - 0.5 * v
+
+    def change(weight):
+        method = exact(hessian_weight=weight)
+        return np.abs(net_of(tilted, method) - slope - net_of(values, method)).max()
+
+    assert change(1e6) < 1e-4 < 0.03 < change(0.0)
 
 
 @BOTH
@@ -514,6 +530,7 @@ def test_limiter(grid):
         ("iterations", -1),
         ("tension", -1.0),
         ("smoothness", -1.0),
+        ("hessian_weight", -1.0),
         ("border_degree", 6),
         ("border_degree", 1.5),
         ("norm", 0.9),
@@ -560,6 +577,7 @@ ARGUMENTS = {
     "thin_plate_weight": np.array(0.1),
     "coherence": np.array(1.2),
     "tension": np.array(0.3),
+    "hessian_weight": np.array(0.4),
 }
 
 

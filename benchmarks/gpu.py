@@ -50,7 +50,7 @@ AGREEMENT = ((192, 160), (20, 18, 16))
 def build(name: str, shape: tuple[int, ...], peak: float, bandwidth: float) -> Result:
     """Seconds of one fairing, and what its operations and its samples and net alone take."""
     method = METHODS[name]()
-    seconds = clock.median(fairing(shape, method), REPEATS)
+    seconds = clock.median(fairing(shape, method).run, REPEATS)
     count = int(np.prod(shape))
     moved = 4 * (1 + 3 ** len(shape)) * count
     return {

@@ -26,14 +26,14 @@ from . import _check, _noise
 from ._continue import LARGEST_DEGREE, LAYERS, continue_samples
 from ._fixed_point import fixed_point
 from ._form import CellForm, energy_form, structure_form
-from ._hermite import cells_to_row, row_to_cells, to_net
+from ._hermite import cells_to_row, to_net
 from ._least_energy import LinearSystem, Precision, save_solutions, solve
 from ._limit import limit_slopes
 from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import has_wide_holes
-from ._normals import LARGEST_COHERENCE, coherent_normals
-from ._reweight import Powers, cell_powers, weighs_cells
+from ._normals import LARGEST_COHERENCE, normal_weights
+from ._reweight import Powers, power_weights, weighs_cells
 
 
 class GlobalFairing(AbstractFairing):
@@ -259,19 +259,10 @@ class GlobalFairing(AbstractFairing):
         self, structure: CellForm, energy: CellForm, dofs: Array, powers: Powers
     ) -> Float[Array, "groups v"]:
         """Weights of the energy: M_ab = delta_ab - (1 - w) N_ab, times e^(p/2 - 1), per cell."""
-        shape = energy.shape
-        axes = [(a, b) for a in range(len(shape)) for b in range(a, len(shape))]
-        tensors = {
-            pair: row_to_cells(row, shape)
-            for pair, row in zip(axes, structure.densities(dofs), strict=True)
-        }
-        normals = coherent_normals(tensors, self.coherence, self.sharpness)
         plain = powers.thin_plate_weight
-        tensor = [(1.0 if a == b else 0.0) - (1 - plain) * normals[a, b] for a, b in axes]
-        weights = jnp.stack([cells_to_row(entry) for entry in tensor])
+        weights = normal_weights(structure, dofs, plain, self.coherence, self.sharpness)
         if weighs_cells(self.norm):
-            energies = row_to_cells(jnp.sum(weights * energy.densities(dofs), axis=0), shape)
-            weights = weights * cells_to_row(cell_powers(energies, powers.norm))[None]
+            weights = weights * power_weights(energy, weights, dofs, powers.norm)[None]
         if self.cell_weights is None:
             return weights
         return weights * cells_to_row(jnp.asarray(self.cell_weights, dofs.dtype))[None]

@@ -11,6 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._energy import FLAT
+from ._form import CellForm, Dofs, Weights
+from ._hermite import cells_to_row, row_to_cells
 from ._xla import materialise
 
 # Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
@@ -21,7 +23,24 @@ LARGEST_COHERENCE = 2.5
 CellTensor = dict[tuple[int, int], Float[Array, "*cells"]]
 
 
-def coherent_normals(
+def normal_weights(
+    structure: CellForm,
+    dofs: Dofs,
+    thin_plate_weight: float | Float[Array, ""],
+    coherence: float | Float[Array, ""],
+    sharpness: int,
+) -> Weights:
+    """`M_ab = delta_ab - (1 - w) N_ab` for a <= b of every cell."""
+    shape = structure.shape
+    axes = [(a, b) for a in range(len(shape)) for b in range(a, len(shape))]
+    rows = structure.densities(dofs)
+    tensors = {pair: row_to_cells(row, shape) for pair, row in zip(axes, rows, strict=True)}
+    normals = _coherent_normals(tensors, coherence, sharpness)
+    tensor = [float(a == b) - (1 - thin_plate_weight) * normals[a, b] for a, b in axes]
+    return jnp.stack([cells_to_row(entry) for entry in tensor])
+
+
+def _coherent_normals(
     structure: CellTensor, coherence: float | Float[Array, ""], sharpness: int
 ) -> CellTensor:
     """N of every cell from the structure tensors of a field with values of spread about 1."""

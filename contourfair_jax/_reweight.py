@@ -11,6 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ._energy import FLAT
+from ._form import CellForm, Dofs, Weights
+from ._hermite import cells_to_row, row_to_cells
 from ._method import is_traced
 
 # Energies far below this part of the mean count as equally small.
@@ -33,12 +35,13 @@ def weighs_cells(norm: float | Float[Array, ""]) -> bool:
     return is_traced(norm) or float(norm) != 2
 
 
-def cell_powers(
-    energies: Float[Array, "*cells"], norm: float | Float[Array, ""]
-) -> Float[Array, "*cells"]:
+def power_weights(
+    energy: CellForm, weights: Weights, dofs: Dofs, norm: float | Float[Array, ""]
+) -> Float[Array, " vertices"]:
     """`e^(norm/2 - 1)` of every cell, scaled to a mean of 1; 1 everywhere where e is constant."""
+    row = jnp.sum(weights * energy.densities(dofs), axis=0)
     # Rounding can leave energies of flat cells below zero.
-    energies = jnp.maximum(energies, 0)
+    energies = jnp.maximum(row_to_cells(row, energy.shape), 0)
     relative = energies / (jnp.mean(energies) + FLAT**2) + FLOOR
     powers = relative ** (norm / 2 - 1)
-    return powers / jnp.mean(powers)
+    return cells_to_row(powers / jnp.mean(powers))

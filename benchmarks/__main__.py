@@ -38,6 +38,7 @@ from benchmarks import (
     table2,
     targets,
     tiles,
+    upsampling,
 )
 from benchmarks.report import Result, Track
 
@@ -91,6 +92,13 @@ BENCHMARKS = {
     "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),
     "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2.", Subject.SPEED),
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes).", Subject.SPEED),
+    "upsampling": Benchmark(
+        upsampling.run,
+        upsampling.tables,
+        upsampling.X64,
+        "Engine and peers, time against size.",
+        Subject.SPEED,
+    ),
     "targets": Benchmark(
         targets.run, targets.tables, False, "Ratios to reach; --short.", Subject.SPEED
     ),
@@ -210,6 +218,9 @@ def write_tables(
         raise typer.Exit(1)
     if not check:
         path.write_text(fresh, encoding="utf-8")
+        times = report.load("upsampling")
+        if times is not None:
+            upsampling.draw(times).savefig(upsampling.PICTURE, dpi=120)
 
 
 if __name__ == "__main__":

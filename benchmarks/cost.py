@@ -1,24 +1,21 @@
-"""Time against size: compile, build, refine and query apart; engine and peers."""
+"""Time against size: compile, build, refine and query apart."""
 
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
 
 import contourfair_jax as cf
-from benchmarks import clock, gmt, peers, report
+from benchmarks import clock, report
 from benchmarks.report import Result, Track
 
 X64 = False
 SHAPES = ((64, 64), (128, 128), (256, 256), (512, 512), (1024, 1024))
 VOLUMES = ((12, 12, 12), (16, 16, 16), (24, 24, 24), (32, 32, 32), (48, 48, 48))
 QUERIES = 100_000
-PEER_SIZE = 256
 
 
 def waves(shape: tuple[int, ...]) -> np.ndarray:
@@ -75,39 +72,8 @@ def sample_gradient(shape: tuple[int, ...], make: Callable[[], Any]) -> float:
     return clock.median(lambda: gradient(values), repeats=3)
 
 
-def _fair_and_refine(values: jax.Array, make: Callable[[], Any]) -> jax.Array:
-    return cf.fair_field(values, method=make()).refine(4)
-
-
-def peer_times() -> list[Result]:
-    """Seconds to build and refine 4x what peers make of 256 x 256, and per queried point."""
-    values = waves((PEER_SIZE, PEER_SIZE)).astype(np.float64)
-    axes = [np.arange(n, dtype=float) for n in values.shape]
-    spline = RectBivariateSpline(axes[0], axes[1], values, s=0)
-    points = np.random.default_rng(0).uniform(0.0, PEER_SIZE - 1, (2, QUERIES))
-    timed: dict[str, Callable[[], Any]] = {
-        "linear": lambda: peers.linear(values, 1.0, 4),
-        "cubic (SciPy)": lambda: peers.cubic(values, 1.0, 4),
-        "quintic (SciPy ndimage)": lambda: peers.quintic(values, 1.0, 4),
-        "interpax cubic2": lambda: peers.interpax_cubic2(values, 1.0, 4),
-        "thin-plate RBF, 30 neighbours": lambda: peers.thin_plate_rbf(values, 1.0, 4),
-    }
-    if gmt.version():
-        timed["GMT surface"] = lambda: gmt.surface(values, 1.0, 4)
-    for name, make in _methods().items():
-        single = jnp.asarray(values, jnp.float32)
-        timed[name] = partial(_fair_and_refine, single, make)
-    rows: list[Result] = [
-        {"method": name, "seconds": clock.median(run, repeats=3, budget=30.0)}
-        for name, run in timed.items()
-    ]
-    query = clock.median(lambda: spline.ev(points[0], points[1]), repeats=3)
-    rows.append({"method": "RectBivariateSpline, query", "us_per_point": 1e6 * query / QUERIES})
-    return rows
-
-
 def run(track: Track = report.silent) -> Result:
-    """All sizes, methods and peers."""
+    """All sizes and methods."""
     jobs = [
         (shape, name, make)
         for name, make in _methods().items()
@@ -119,11 +85,11 @@ def run(track: Track = report.silent) -> Result:
         rows.append({"method": name, **measure(shape, make)})
         if shape in (SHAPES[2], VOLUMES[0]):
             rows[-1]["sample_gradient_s"] = sample_gradient(shape, make)
-    return {"rows": rows, "peers": peer_times()}
+    return {"rows": rows}
 
 
 def tables(result: Result) -> dict[str, str]:
-    """Engine against size, and everybody at one size."""
+    """One row per method and size."""
     rows = [
         [
             r["method"],
@@ -147,8 +113,4 @@ def tables(result: Result) -> dict[str, str]:
         "with gradient",
         "gradient in the samples, s",
     ]
-    others = [[r["method"], f"{r['seconds']:.3g}"] for r in result["peers"] if "seconds" in r]
-    return {
-        "cost": report.table(header, rows),
-        "cost-peers": report.table(["256×256 refined 4×", "seconds"], others),
-    }
+    return {"cost": report.table(header, rows)}

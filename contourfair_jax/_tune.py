@@ -24,6 +24,7 @@ class Candidate(NamedTuple):
     tension: float
     smoothness: float
     norm: float
+    hessian_weight: float = 0.0
     border_degree: int = 0
 
 
@@ -238,7 +239,7 @@ def _errors(values: Array, spacing: Array, candidate: Candidate, dropped: Array)
         max_steps=MAX_STEPS,
     )
     # Arrays, so that candidates share programs.
-    setting = jnp.asarray([candidate.thin_plate_weight, *candidate[2:5]], values.dtype)
+    setting = jnp.asarray([candidate.thin_plate_weight, *candidate[2:6]], values.dtype)
     everywhere, inside = _errors_of(method, values, spacing, setting, dropped)
     return Errors(float(everywhere), float(inside))
 
@@ -248,13 +249,18 @@ def _errors_of(
     method: GlobalFairing,
     values: Array,
     spacing: Array,
-    setting: Float[Array, "4"],
+    setting: Float[Array, "5"],
     dropped: Bool[Array, "*shape"],
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """As `_errors`, of the method with that weight, tension, smoothness and norm."""
-    weight, tension, smoothness, norm = setting
+    """As `_errors`, of the method with those real-valued settings."""
+    weight, tension, smoothness, norm, hessian_weight = setting
     tried = dataclasses.replace(
-        method, thin_plate_weight=weight, tension=tension, smoothness=smoothness, norm=norm
+        method,
+        thin_plate_weight=weight,
+        tension=tension,
+        smoothness=smoothness,
+        norm=norm,
+        hessian_weight=hessian_weight,
     )
     squares, judged = _held_back(tried, values, spacing, dropped)
     return _mean(squares, judged), _mean(squares, judged & _inside(values.shape))

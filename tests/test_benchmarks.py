@@ -6,13 +6,14 @@ And the ratios of times that must not get worse: against a straightforward progr
 import json
 from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import ndimage
 
 import contourfair_jax as cf
-from benchmarks import clock, data, fields, metrics, peers, report
+from benchmarks import clock, data, fields, metrics, peers, report, upsampling
 from benchmarks.cost import waves
 from benchmarks.naive import fair_naively
 from benchmarks.targets import fairing
@@ -173,6 +174,26 @@ def test_real_fields_load(name):
     assert np.isfinite(field.values).all()
     assert field.values.ndim == len(field.spacing) == (2 if name in data.PLANE else 3)
     assert min(field.values.shape) >= 21
+
+
+def test_picture_of_times():
+    times = {"local": {"64": 0.1, "128": 0.4}, upsampling.ZOOM: {"64": 0.2}}
+    (axes,) = upsampling.draw({"factor": 4, "seconds": times}).axes
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in axes.get_lines()}
+    assert drawn == {
+        "local": [[4096, 0.1], [16384, 0.4]],
+        upsampling.ZOOM: [[4096, 0.2]],
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in upsampling.NAMES if name != upsampling.GMT])
+def test_what_is_timed_is_a_finer_grid(name):
+    values = waves((9, 9))
+    with jax.numpy_rank_promotion("allow"):  # interpax needs it
+        finer = np.asarray(upsampling.delivery(name, values)())
+    assert finer.size >= 33**2
+    assert abs(finer).max() < 2
 
 
 @pytest.mark.slow

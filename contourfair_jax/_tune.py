@@ -35,9 +35,10 @@ class Errors(NamedTuple):
     inside: float
 
 
-# Thin plate (weight 1) is for terrain, its tension for noise; smoothness is for what is analytic;
-# small weights are for ridges, with tension along them for jagged edges.  Power 1 of the energy is
-# better than 2 on nearly all data.
+# Thin plate (weight 1) is for quantised samples, its tension for noise; smoothness is for what is
+# analytic; small weights are for ridges, with normals from second derivatives for terrain, with
+# tension along the contours for jagged edges.  Power 1 of the energy is better than 2 on nearly all
+# data.
 WAVES = Candidate(0.05, 1, 0.0, 0.12, 1.0)
 JAGGED = Candidate(0.003, 2, 20.0, 0.0, 1.0)
 CANDIDATES = (
@@ -46,7 +47,7 @@ CANDIDATES = (
     Candidate(0.3, 1, 20.0, 0.0, 1.0),
     Candidate(0.05, 1, 20.0, 0.0, 1.0),
     WAVES,
-    Candidate(0.01, 2, 0.0, 0.0, 1.0),
+    Candidate(0.01, 2, 0.0, 0.0, 1.0, hessian_weight=8.0),
     Candidate(0.003, 2, 0.0, 0.0, 1.0),
     JAGGED,
     Candidate(0.001, 2, 1000.0, 0.0, 2.0),

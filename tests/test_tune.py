@@ -36,6 +36,7 @@ def settings(method):
         float(method.tension),
         float(method.smoothness),
         float(method.norm),
+        float(method.hessian_weight),
         float(method.coherence),
     )
 
@@ -106,7 +107,7 @@ def test_missing_samples():
 
 def test_constant():
     *setting, _ = settings(tuned("constant"))
-    assert tuple(setting) in [candidate[:5] for candidate in CANDIDATES]
+    assert tuple(setting) in [candidate[:6] for candidate in CANDIDATES]
 
 
 def test_sigma_is_passed_on():

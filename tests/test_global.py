@@ -19,6 +19,7 @@ from helpers import assert_close, samples_of
 import contourfair_jax as cf
 from contourfair_jax._form import energy_form, structure_form
 from contourfair_jax._working_set import WorkingSet
+from contourfair_jax.io import example
 
 BOTH = pytest.mark.both_precisions
 SLOW = pytest.mark.slow
@@ -197,6 +198,20 @@ def test_normals_from_second_derivatives_do_not_see_slopes():
         return np.abs(net_of(tilted, method) - slope - net_of(values, method)).max()
 
     assert change(1e6) < 1e-4 < 0.03 < change(0.0)
+
+
+@SLOW
+def test_normals_from_second_derivatives_suit_terrain():
+    terrain = example("jacksboro").crop([(0, 161), (40, 201)]).values.astype(float)
+    samples = terrain[::2, ::2]
+
+    def error(**settings):
+        method = cf.GlobalFairing(norm=1.0, tolerance=1e-3, **settings)
+        return rms(np.asarray(cf.fair_field(samples, method=method).refine(2)) - terrain)
+
+    both = error(thin_plate_weight=0.01, sharpness=2, hessian_weight=8.0)
+    assert both < 0.97 * error(thin_plate_weight=0.01, sharpness=2)
+    assert both < error(thin_plate_weight=1.0)
 
 
 @BOTH

@@ -22,6 +22,7 @@ from benchmarks.report import Result, Track, size
 
 X64 = False
 POINTS = 1_000_000
+LOCAL, GLOBAL = cf.LocalFairing(), cf.GlobalFairing(tolerance=1e-3)
 STARTED = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
 
 
@@ -96,26 +97,27 @@ def operations(shape: tuple[int, ...], method: Any) -> float:
     return global_operations(len(shape), int(fitted.steps.sum())) * float(np.prod(shape))
 
 
-def local(shape: tuple[int, ...], peak: float, least: float) -> list[Result]:
+def local(shape: tuple[int, ...], peak: float, least: float, short: bool) -> list[Result]:
     """Against a straightforward program and against the roofline of its own operations."""
-    seconds = seconds_of(shape, cf.LocalFairing())
-    lu = seconds_of(shape, cf.LocalFairing(solver=cf.LU()))
+    seconds = seconds_of(shape, LOCAL)
     values = jnp.asarray(waves(shape))
     naive = clock.median(partial(fair_naively.lower(values).compile(), values), 3)
-    floor = operations(shape, cf.LocalFairing()) / peak
+    floor = operations(shape, LOCAL) / peak
     name = f"local {size(shape)}"
-    return [
+    rows = [
         _target(f"{name}: straightforward / engine", naive / seconds, least, "least"),
-        _target(f"{name}: with `LU()` / engine", lu / seconds, None, "least"),
         _target(f"{name}: engine / roofline", seconds / floor, 3.0, "most"),
     ]
+    if not short:
+        lu = seconds_of(shape, cf.LocalFairing(solver=cf.LU()))
+        rows.insert(1, _target(f"{name}: with `LU()` / engine", lu / seconds, None, "least"))
+    return rows
 
 
 def whole(shape: tuple[int, ...], peak: float) -> tuple[float, Result]:
     """Seconds of global fairing, and against the roofline of its own operations."""
-    method = cf.GlobalFairing(tolerance=1e-3)
-    floor = operations(shape, method) / peak
-    seconds = seconds_of(shape, method)
+    floor = operations(shape, GLOBAL) / peak
+    seconds = seconds_of(shape, GLOBAL)
     return seconds, _target(
         f"global {size(shape)}: engine / roofline", seconds / floor, 3.0, "most"
     )
@@ -202,23 +204,22 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
         text = f"{name}: per sample, {size(many)} / {size(few)}"
         return [_target(text, each[1] / each[0], 1.15, "most")]
 
-    local_method, global_method = cf.LocalFairing(), cf.GlobalFairing()
     jobs: list[Callable[[], list[Result]]] = [
-        lambda: local(plane, peak, 5.0),
-        lambda: local(block if short else (24,) * 3, peak, 8.0),
+        lambda: local(plane, peak, 5.0, short),
+        lambda: local(block if short else (24,) * 3, peak, 8.0, short),
         planar,
         lambda: [whole(volume, peak)[1]],
         lambda: [refine(plane), refine(volume)],
         lambda: queries(plane),
         lambda: queries(volume),
-        lambda: linear(local_method, "local"),
-        lambda: linear(global_method, "global"),
-        lambda: [reverse(few, local_method, "local")],
-        lambda: [reverse(few, global_method, "global")],
-        lambda: [reverse(cube, global_method, "global")],
-        lambda: [reverse(block, local_method, "local")],
-        lambda: [compilation(s, local_method, "local") for s in (many, block)],
-        lambda: [compilation(s, global_method, "global") for s in (many, cube)],
+        lambda: linear(LOCAL, "local"),
+        lambda: linear(GLOBAL, "global"),
+        lambda: [reverse(few, LOCAL, "local")],
+        lambda: [reverse(few, GLOBAL, "global")],
+        lambda: [reverse(cube, GLOBAL, "global")],
+        lambda: [reverse(block, LOCAL, "local")],
+        lambda: [compilation(s, LOCAL, "local") for s in (many, block)],
+        lambda: [compilation(s, GLOBAL, "global") for s in (many, cube)],
         lambda: [start_up()],
     ]
     rows = [row for job in track(jobs, "targets") for row in job()]

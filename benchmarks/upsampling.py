@@ -91,7 +91,7 @@ def draw(result: Result) -> Figure:
 def tables(result: Result) -> dict[str, str]:
     """Seconds of every method, one column per size."""
     rows = [
-        [name, *[f"{times[str(n)]:.2g}" if str(n) in times else None for n in SIZES]]
+        [name, *[f"{times[str(n)]:.3g}" if str(n) in times else None for n in SIZES]]
         for name, times in result["seconds"].items()
     ]
     header = ["method", *[f"{report.size((n, n))}, s" for n in SIZES]]

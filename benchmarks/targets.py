@@ -205,7 +205,7 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
         return [_target(text, each[1] / each[0], 1.15, "most")]
 
     jobs: list[Callable[[], list[Result]]] = [
-        lambda: local(plane, peak, 5.0, short),
+        lambda: local(few if short else plane, peak, 5.0, short),
         lambda: local(block if short else (24,) * 3, peak, 8.0, short),
         planar,
         lambda: [whole(volume, peak)[1]],

@@ -115,7 +115,7 @@ def test_gradients_equal_differences(name):
     for key in arguments:
         ends = [float(loss(along(arguments, directions, t, [key]))) for t in (STEP, -STEP)]
         difference = (ends[0] - ends[1]) / (2 * STEP)
-        assert abs(difference) > 5e-5, key
+        assert abs(difference) > 1e-4, key
         assert inner({key: gradient[key]}, directions) == pytest.approx(difference, rel=2e-5), key
 
 

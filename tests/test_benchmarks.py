@@ -190,7 +190,7 @@ def test_picture_of_times():
 @pytest.mark.parametrize("name", [name for name in upsampling.NAMES if name != upsampling.GMT])
 def test_what_is_timed_is_a_finer_grid(name):
     values = waves((9, 9))
-    with jax.numpy_rank_promotion("allow"):  # interpax needs it
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):  # interpax
         finer = np.asarray(upsampling.delivery(name, values)())
     assert finer.size >= 33**2
     assert abs(finer).max() < 2

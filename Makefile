@@ -12,12 +12,14 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
-# The fast tests run on all cores.  Most of their time is compilation: it is done without
-# optimisation and kept for the next run.  Threads of OpenBLAS would only wait for each other.
-# `test-slow` compiles as users do.
+# Tests run on all cores.  Most of the time of the fast ones and of derivatives is compilation: it
+# is done without optimisation, by XLA's quicker emitters, and kept for the next run.  Threads of
+# OpenBLAS would only wait for each other.  The other slow tests compile as users do.
+DERIVATIVES := tests/test_derivatives.py tests/test_local_jax.py
 SPREAD := --numprocesses auto --dist worksteal
 FAST := $(PYTEST) -m "not slow and not data" $(SPREAD)
-QUICK := OPENBLAS_NUM_THREADS=1 XLA_FLAGS="$${XLA_FLAGS:-} --xla_backend_optimization_level=0" \
+CHEAP := --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false
+QUICK := OPENBLAS_NUM_THREADS=1 XLA_FLAGS="$${XLA_FLAGS:-} $(CHEAP)" \
 	JAX_COMPILATION_CACHE_DIR=$(abspath $(VENV))/compiled \
 	JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.1
 
@@ -49,7 +51,9 @@ test: $(READY) ## The fast tests, with 64-bit types on, then those that must als
 	$(QUICK) JAX_ENABLE_X64=0 $(FAST)
 
 test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real data where it is there.
-	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) --durations=15
+	$(QUICK) JAX_ENABLE_X64=1 $(PYTEST) -m slow $(SPREAD) $(DERIVATIVES)
+	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) --durations=15 \
+		$(DERIVATIVES:%=--ignore=%)
 	$(QUICK) JAX_ENABLE_X64=0 $(PYTEST) -m "slow or data" $(SPREAD)
 
 test-all: test test-slow ## All tests.

@@ -1,8 +1,10 @@
 """Command line of the benchmarks."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -56,37 +58,63 @@ class Subject(StrEnum):
 
 @dataclass(frozen=True)
 class Benchmark:
-    """One command: how to run it, how to print it, its precision, and its subject."""
+    """One command: how to run it, how to print it, its precision, and its subject.
+
+    What shows no seconds of the clock may be `shared`: run while others run.
+    """
 
     run: Callable[..., Result]
     tables: Callable[[Result], dict[str, str]]
     x64: bool
     about: str
     subject: Subject = Subject.QUALITY
+    shared: bool = False
 
 
 BENCHMARKS = {
     "machine": Benchmark(
         machine.run, machine.tables, False, "Rates of the machine.", Subject.SPEED
     ),
-    "accuracy": Benchmark(accuracy.run, accuracy.tables, True, "Errors on analytic fields."),
-    "real2d": Benchmark(real.run, real.tables, True, "Real 2-D fields, half the samples dropped."),
+    "accuracy": Benchmark(
+        accuracy.run, accuracy.tables, True, "Errors on analytic fields.", shared=True
+    ),
+    "real2d": Benchmark(
+        real.run, real.tables, True, "Real 2-D fields, half the samples dropped.", shared=True
+    ),
     "real3d": Benchmark(
-        partial(real.run, ndim=3), real.tables, True, "Real volumes, half the samples dropped."
+        partial(real.run, ndim=3),
+        real.tables,
+        True,
+        "Real volumes, half the samples dropped.",
+        shared=True,
     ),
     "synthetic": Benchmark(
-        synthetic.run, synthetic.tables, True, "Made-up fields, every fourth sample kept."
+        synthetic.run,
+        synthetic.tables,
+        True,
+        "Made-up fields, every fourth sample kept.",
+        shared=True,
     ),
-    "protocols": Benchmark(protocols.run, protocols.tables, True, "Disks, ridges, normals."),
+    "protocols": Benchmark(
+        protocols.run, protocols.tables, True, "Disks, ridges, normals.", shared=True
+    ),
     "robustness": Benchmark(
-        robustness.run, robustness.tables, True, "Overshoot, NaN, seams, crossing lines."
+        robustness.run,
+        robustness.tables,
+        True,
+        "Overshoot, NaN, seams, crossing lines.",
+        shared=True,
     ),
-    "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled."),
+    "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled.", shared=True),
     "inverse": Benchmark(
         inverse.run, inverse.tables, True, "Contours to DEM, missing slices, scattered points."
     ),
     "contours": Benchmark(
-        contours.run, contours.tables, contours.X64, "Contours proved, beside contourpy (minutes)."
+        contours.run,
+        contours.tables,
+        contours.X64,
+        "Contours proved, beside contourpy (minutes).",
+        shared=True,
     ),
     "surfaces": Benchmark(surfaces.run, surfaces.tables, True, "Isosurfaces of real volumes."),
     "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),
@@ -110,7 +138,9 @@ BENCHMARKS = {
     "tiles": Benchmark(
         tiles.run, tiles.tables, False, "Larger than memory; --size.", Subject.ENDURANCE
     ),
-    "seams": Benchmark(seams.run, seams.tables, seams.X64, "Tiles against the whole grid."),
+    "seams": Benchmark(
+        seams.run, seams.tables, seams.X64, "Tiles against the whole grid.", shared=True
+    ),
     "reliability": Benchmark(
         reliability.run,
         reliability.tables,
@@ -186,13 +216,31 @@ def run_all(
     subject: Annotated[Subject | None, typer.Argument(help="Only those about this.")] = None,
     quiet: Annotated[bool, typer.Option(help="Print nothing.")] = False,
 ) -> None:
-    """Run every benchmark but `gpu`, each in a process of its own, then rewrite the tables."""
+    """Run every benchmark but `gpu`, each in a process of its own, then rewrite the tables.
+
+    Those that take times run alone, the others on all cores.
+    """
+    shared: list[str] = []
     for name, benchmark in BENCHMARKS.items():
         if name == "gpu" or subject not in (None, benchmark.subject):  # not all have a GPU
             continue
-        flags = ["--quiet"] if quiet else []
-        subprocess.run([sys.executable, "-m", "benchmarks", name, *flags], check=True)
+        if benchmark.shared:
+            shared.append(name)
+        else:
+            _run_apart(name, quiet)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        running = [pool.submit(_run_apart, name, True) for name in shared]
+        for name, done in zip(shared, running, strict=True):
+            done.result()
+            if not quiet:
+                typer.echo(f"{name} ran", err=True)
     write_tables(README, check=False)
+
+
+def _run_apart(name: str, quiet: bool) -> None:
+    """In a process of its own."""
+    flags = ["--quiet"] if quiet else []
+    subprocess.run([sys.executable, "-m", "benchmarks", name, *flags], check=True)
 
 
 def all_tables() -> dict[str, str]:

@@ -4,6 +4,7 @@ And the ratios of times that must not get worse: against a straightforward progr
 """
 
 import json
+import time
 from functools import partial
 
 import jax
@@ -13,6 +14,7 @@ import pytest
 from scipy import ndimage
 
 import contourfair_jax as cf
+from benchmarks import __main__ as suite
 from benchmarks import clock, data, fields, metrics, peers, report, upsampling
 from benchmarks.cost import waves
 from benchmarks.naive import fair_naively
@@ -174,6 +176,27 @@ def test_real_fields_load(name):
     assert np.isfinite(field.values).all()
     assert field.values.ndim == len(field.spacing) == (2 if name in data.PLANE else 3)
     assert min(field.values.shape) >= 21
+
+
+def test_what_takes_times_runs_alone_and_before_what_does_not(monkeypatch, tmp_path):
+    at_once, most, ran = [], [], []
+
+    def run(command, check):
+        at_once.append(command)
+        most.append((command[3], len(at_once)))
+        time.sleep(0.02)
+        at_once.remove(command)
+        ran.append(command[3])
+
+    monkeypatch.setattr(suite.subprocess, "run", run)
+    monkeypatch.setattr(suite, "README", tmp_path / "README.md")
+    monkeypatch.setattr(suite.upsampling, "PICTURE", tmp_path / "upsampling.png")
+    suite.README.write_text("no tables\n")
+    suite.run_all(quiet=True)
+    shared = {name for name, benchmark in suite.BENCHMARKS.items() if benchmark.shared}
+    assert sorted(ran) == sorted(set(suite.BENCHMARKS) - {"gpu"})
+    assert not shared & set(ran[: -len(shared)])
+    assert all(count == 1 for name, count in most if name not in shared)
 
 
 def test_picture_of_times():

@@ -14,7 +14,8 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest
 # Tests run on all cores.  Most of the time of the fast ones and of derivatives is compilation: it
 # is done without optimisation, by XLA's quicker emitters, and kept for the next run.  Threads of
-# OpenBLAS would only wait for each other.  The other slow tests compile as users do.
+# OpenBLAS would only wait for each other.  With 64-bit types on the other slow tests compile as
+# users do.
 DERIVATIVES := tests/test_derivatives.py tests/test_local_jax.py
 SPREAD := --numprocesses auto --dist worksteal
 FAST := $(PYTEST) -m "not slow and not data" $(SPREAD)
@@ -51,7 +52,7 @@ test: $(READY) ## The fast tests, with 64-bit types on, then those that must als
 	$(QUICK) JAX_ENABLE_X64=0 $(FAST)
 
 test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real data where it is there.
-	$(QUICK) JAX_ENABLE_X64=1 $(PYTEST) -m slow $(SPREAD) $(DERIVATIVES)
+	$(QUICK) JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) $(DERIVATIVES)
 	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) --durations=15 \
 		$(DERIVATIVES:%=--ignore=%)
 	$(QUICK) JAX_ENABLE_X64=0 $(PYTEST) -m "slow or data" $(SPREAD)

@@ -60,7 +60,7 @@ class Subject(StrEnum):
 class Benchmark:
     """One command: how to run it, how to print it, its precision, and its subject.
 
-    What shows no seconds of the clock may be `shared`: run while others run.
+    `timed` says that a table about quality shows seconds of the clock as well.
     """
 
     run: Callable[..., Result]
@@ -68,56 +68,47 @@ class Benchmark:
     x64: bool
     about: str
     subject: Subject = Subject.QUALITY
-    shared: bool = False
+    timed: bool = False
+
+    @property
+    def shared(self) -> bool:
+        """Whether it may run while others run."""
+        return self.subject is Subject.QUALITY and not self.timed
 
 
 BENCHMARKS = {
     "machine": Benchmark(
         machine.run, machine.tables, False, "Rates of the machine.", Subject.SPEED
     ),
-    "accuracy": Benchmark(
-        accuracy.run, accuracy.tables, True, "Errors on analytic fields.", shared=True
-    ),
-    "real2d": Benchmark(
-        real.run, real.tables, True, "Real 2-D fields, half the samples dropped.", shared=True
-    ),
+    "accuracy": Benchmark(accuracy.run, accuracy.tables, True, "Errors on analytic fields."),
+    "real2d": Benchmark(real.run, real.tables, True, "Real 2-D fields, half the samples dropped."),
     "real3d": Benchmark(
-        partial(real.run, ndim=3),
-        real.tables,
-        True,
-        "Real volumes, half the samples dropped.",
-        shared=True,
+        partial(real.run, ndim=3), real.tables, True, "Real volumes, half the samples dropped."
     ),
     "synthetic": Benchmark(
-        synthetic.run,
-        synthetic.tables,
-        True,
-        "Made-up fields, every fourth sample kept.",
-        shared=True,
+        synthetic.run, synthetic.tables, True, "Made-up fields, every fourth sample kept."
     ),
-    "protocols": Benchmark(
-        protocols.run, protocols.tables, True, "Disks, ridges, normals.", shared=True
-    ),
+    "protocols": Benchmark(protocols.run, protocols.tables, True, "Disks, ridges, normals."),
     "robustness": Benchmark(
-        robustness.run,
-        robustness.tables,
-        True,
-        "Overshoot, NaN, seams, crossing lines.",
-        shared=True,
+        robustness.run, robustness.tables, True, "Overshoot, NaN, seams, crossing lines."
     ),
-    "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled.", shared=True),
+    "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled."),
     "inverse": Benchmark(
-        inverse.run, inverse.tables, True, "Contours to DEM, missing slices, scattered points."
+        inverse.run,
+        inverse.tables,
+        True,
+        "Contours to DEM, missing slices, scattered points.",
+        timed=True,
     ),
     "contours": Benchmark(
-        contours.run,
-        contours.tables,
-        contours.X64,
-        "Contours proved, beside contourpy (minutes).",
-        shared=True,
+        contours.run, contours.tables, contours.X64, "Contours proved, beside contourpy (minutes)."
     ),
-    "surfaces": Benchmark(surfaces.run, surfaces.tables, True, "Isosurfaces of real volumes."),
-    "leaves": Benchmark(leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones."),
+    "surfaces": Benchmark(
+        surfaces.run, surfaces.tables, True, "Isosurfaces of real volumes.", timed=True
+    ),
+    "leaves": Benchmark(
+        leaves.run, leaves.tables, True, "Adaptive grids beside uniform ones.", timed=True
+    ),
     "table2": Benchmark(table2.run, table2.tables, False, "The paper's Table 2.", Subject.SPEED),
     "cost": Benchmark(cost.run, cost.tables, False, "Time against size (minutes).", Subject.SPEED),
     "upsampling": Benchmark(
@@ -138,9 +129,7 @@ BENCHMARKS = {
     "tiles": Benchmark(
         tiles.run, tiles.tables, False, "Larger than memory; --size.", Subject.ENDURANCE
     ),
-    "seams": Benchmark(
-        seams.run, seams.tables, seams.X64, "Tiles against the whole grid.", shared=True
-    ),
+    "seams": Benchmark(seams.run, seams.tables, seams.X64, "Tiles against the whole grid."),
     "reliability": Benchmark(
         reliability.run,
         reliability.tables,
@@ -168,12 +157,15 @@ def _run_one(name: str, quiet: bool, store: bool = True, **options: Any) -> None
         result = benchmark.run(track, **options)
     path = report.save(name, result) if store else None
     if not quiet:
-        if path is not None:
-            result = report.load(name) or {}
-        for title, table in benchmark.tables(result).items():
-            Console().print(Markdown(f"**{title}**\n\n{table}"))
+        _show(name, result if path is None else None)
         if path is not None:
             typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
+
+
+def _show(name: str, result: Result | None = None) -> None:
+    """Print the tables of a result, or of the one that is stored."""
+    for title, table in BENCHMARKS[name].tables(result or report.load(name) or {}).items():
+        Console().print(Markdown(f"**{title}**\n\n{table}"))
 
 
 def _command(name: str, benchmark: Benchmark) -> None:
@@ -233,7 +225,7 @@ def run_all(
         for name, done in zip(shared, running, strict=True):
             done.result()
             if not quiet:
-                typer.echo(f"{name} ran", err=True)
+                _show(name)
     write_tables(README, check=False)
 
 

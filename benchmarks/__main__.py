@@ -22,6 +22,7 @@ from benchmarks import (
     contours,
     cost,
     engine,
+    gains,
     gpu,
     holes,
     inverse,
@@ -44,7 +45,8 @@ from benchmarks import (
 )
 from benchmarks.report import Result, Track
 
-README = Path(__file__).resolve().parents[1] / "README.md"
+HERE = Path(__file__).resolve().parent
+READMES = (HERE.parent / "README.md", HERE / "README.md")
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
@@ -226,7 +228,7 @@ def run_all(
             done.result()
             if not quiet:
                 _show(name)
-    write_tables(README, check=False)
+    write_tables(check=False)
 
 
 def _run_apart(name: str, quiet: bool) -> None:
@@ -242,25 +244,30 @@ def all_tables() -> dict[str, str]:
         result = report.load(name)
         if result is not None:
             tables |= benchmark.tables(result)
-    return tables
+    summary = gains.table()
+    return tables if summary is None else tables | {"gains": summary}
 
 
 @app.command("tables")
 def write_tables(
-    path: Annotated[Path, typer.Argument(help="Markdown file with the markers.")] = README,
+    paths: Annotated[
+        list[Path] | None, typer.Argument(help="Markdown with the markers; both READMEs if none.")
+    ] = None,
     check: Annotated[bool, typer.Option(help="Change nothing; fail where out of date.")] = False,
 ) -> None:
     """Rewrite the tables between `<!-- table:NAME -->` and `<!-- end -->` from stored results."""
-    text = path.read_text(encoding="utf-8")
-    fresh = report.replace_tables(text, all_tables())
-    if check and fresh != text:
-        typer.echo(f"{path.name} is out of date: run python -m benchmarks tables", err=True)
-        raise typer.Exit(1)
-    if not check:
-        path.write_text(fresh, encoding="utf-8")
-        times = report.load("upsampling")
-        if times is not None:
-            upsampling.draw(times).savefig(upsampling.PICTURE, dpi=120)
+    tables = all_tables()
+    for path in paths or READMES:
+        text = path.read_text(encoding="utf-8")
+        fresh = report.replace_tables(text, tables)
+        if check and fresh != text:
+            typer.echo(f"{path} is out of date: run python -m benchmarks tables", err=True)
+            raise typer.Exit(1)
+        if not check:
+            path.write_text(fresh, encoding="utf-8")
+    times = report.load("upsampling")
+    if times is not None and not check:
+        upsampling.draw(times).savefig(upsampling.PICTURE, dpi=120)
 
 
 if __name__ == "__main__":

@@ -189,9 +189,10 @@ def test_what_takes_times_runs_alone_and_before_what_does_not(monkeypatch, tmp_p
         ran.append(command[3])
 
     monkeypatch.setattr(suite.subprocess, "run", run)
-    monkeypatch.setattr(suite, "README", tmp_path / "README.md")
+    readme = tmp_path / "README.md"
+    monkeypatch.setattr(suite, "READMES", (readme,))
     monkeypatch.setattr(suite.upsampling, "PICTURE", tmp_path / "upsampling.png")
-    suite.README.write_text("no tables\n")
+    readme.write_text("no tables\n")
     suite.run_all(quiet=True)
     shared = {name for name, benchmark in suite.BENCHMARKS.items() if benchmark.shared}
     assert sorted(ran) == sorted(set(suite.BENCHMARKS) - {"gpu"})

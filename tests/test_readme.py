@@ -1,4 +1,4 @@
-"""The README's examples run, its links lead somewhere, its tables are those of the results."""
+"""The README's examples run, links lead somewhere, tables are those of the results."""
 
 import os
 import re
@@ -15,6 +15,7 @@ from contourfair_jax import demo
 from contourfair_jax.io import example, read
 
 ROOT = Path(__file__).resolve().parent.parent
+READMES = [ROOT / "README.md", ROOT / "benchmarks" / "README.md"]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -62,11 +63,29 @@ def test_other_examples_and_commands_run(tmp_path):
             assert (tmp_path / command[command.index("-o") + 1]).stat().st_size > 1000
 
 
-def test_links_lead_somewhere():
-    links = [link for link in re.findall(r"\]\(([^)]+)\)", TEXT) if "://" not in link]
+def anchors(text: str) -> set[str]:
+    """What links to the headings of a page are called."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("readme", READMES, ids=["project", "benchmarks"])
+def test_links_lead_somewhere(readme):
+    text = readme.read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", text) if "://" not in link]
     assert len(links) >= 4
     for link in links:
-        assert (ROOT / link).exists(), link
+        name, _, heading = link.partition("#")
+        target = readme.parent / name
+        assert target.exists(), link
+        assert not heading or heading in anchors(target.read_text(encoding="utf-8")), link
+
+
+@pytest.mark.parametrize("readme", READMES, ids=["project", "benchmarks"])
+def test_every_table_has_a_result(readme):
+    places = re.findall(r"<!-- table:(\S+) -->\n(.)", readme.read_text(encoding="utf-8"))
+    assert len(places) >= 3
+    assert all(first == "|" for _, first in places)
 
 
 def test_make_targets_exist():

@@ -26,7 +26,7 @@ from . import _check, _noise
 from ._continue import LARGEST_DEGREE, LAYERS, continue_samples
 from ._fixed_point import fixed_point
 from ._form import CellForm, energy_form, structure_form
-from ._hermite import cells_to_row, to_net
+from ._hermite import cells_to_rows, to_net
 from ._least_energy import LinearSystem, Precision, save_solutions, solve
 from ._limit import limit_slopes
 from ._merge import set_samples
@@ -262,10 +262,10 @@ class GlobalFairing(AbstractFairing):
         plain = powers.thin_plate_weight
         weights = normal_weights(structure, dofs, plain, self.coherence, self.sharpness)
         if weighs_cells(self.norm):
-            weights = weights * power_weights(energy, weights, dofs, powers.norm)[None]
+            weights = weights * power_weights(energy, weights, dofs, powers.norm)
         if self.cell_weights is None:
             return weights
-        return weights * cells_to_row(jnp.asarray(self.cell_weights, dofs.dtype))[None]
+        return weights * cells_to_rows(jnp.asarray(self.cell_weights, dofs.dtype)[None])
 
     def prepare(self, values):
         _check.check_shape(self.sigma, values.shape, "sigma", scalar=True)

@@ -33,14 +33,16 @@ def corner_shifts(shape: tuple[int, ...]) -> list[int]:
     ]
 
 
-def cells_to_row(cells: Float[Array, "*cells"]) -> Float[Array, " vertices"]:
-    """Numbers of cells in one row of vertices; zero where there is no cell."""
-    return jnp.pad(cells, [(0, 1)] * cells.ndim).ravel()
+def cells_to_rows(cells: Float[Array, "entries *cells"]) -> Float[Array, "entries vertices"]:
+    """Numbers of cells in rows of vertices; zero where there is no cell."""
+    return jnp.pad(cells, [(0, 0), *[(0, 1)] * (cells.ndim - 1)]).reshape(len(cells), -1)
 
 
-def row_to_cells(row: Float[Array, " vertices"], shape: tuple[int, ...]) -> Float[Array, "*cells"]:
-    """The opposite of `cells_to_row`."""
-    return row.reshape(shape)[(slice(-1),) * len(shape)]
+def rows_to_cells(
+    rows: Float[Array, "entries vertices"], shape: tuple[int, ...]
+) -> Float[Array, "entries *cells"]:
+    """The opposite of `cells_to_rows`."""
+    return rows.reshape(-1, *shape)[(slice(None), *(slice(-1),) * len(shape))]
 
 
 def gather_corners(

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from ._energy import FLAT
 from ._form import CellForm, Dofs, Weights
-from ._hermite import cells_to_row, row_to_cells
+from ._hermite import cells_to_rows, rows_to_cells
 from ._xla import materialise
 
 # Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
@@ -33,19 +33,15 @@ def normal_weights(
     """`M_ab = delta_ab - (1 - w) N_ab` for a <= b of every cell."""
     shape = structure.shape
     axes = [(a, b) for a in range(len(shape)) for b in range(a, len(shape))]
-    rows = structure.densities(dofs)
-    tensors = {pair: row_to_cells(row, shape) for pair, row in zip(axes, rows, strict=True)}
-    normals = _coherent_normals(tensors, coherence, sharpness)
+    smoothed = smooth(rows_to_cells(structure.densities(dofs), shape), coherence)
+    normals = _powers(dict(zip(axes, materialise(smoothed), strict=True)), sharpness)
     tensor = [float(a == b) - (1 - thin_plate_weight) * normals[a, b] for a, b in axes]
-    return jnp.stack([cells_to_row(entry) for entry in tensor])
+    return cells_to_rows(jnp.stack(tensor))
 
 
-def _coherent_normals(
-    structure: CellTensor, coherence: float | Float[Array, ""], sharpness: int
-) -> CellTensor:
-    """N of every cell from the structure tensors of a field with values of spread about 1."""
-    ndim = max(structure)[0] + 1
-    smoothed = {axes: materialise(smooth(entry, coherence)) for axes, entry in structure.items()}
+def _powers(smoothed: CellTensor, sharpness: int) -> CellTensor:
+    """N of every cell from the averaged structure tensors of a field with spread about 1."""
+    ndim = max(smoothed)[0] + 1
     trace = sum(smoothed[axis, axis] for axis in range(ndim)) + FLAT**2
     direction = materialise({axes: entry / trace for axes, entry in smoothed.items()})
     power = direction
@@ -56,14 +52,15 @@ def _coherent_normals(
 
 
 def smooth(
-    values: Float[Array, "*cells"], width: float | Float[Array, ""]
-) -> Float[Array, "*cells"]:
+    values: Float[Array, "entries *cells"], width: float | Float[Array, ""]
+) -> Float[Array, "entries *cells"]:
     """Gaussian average over cells with standard deviation `width`, mirrored at the border."""
     width = jnp.maximum(jnp.asarray(width, values.dtype), 0.05)
-    for axis, size in enumerate(values.shape):
-        offsets = jnp.arange(-REACH, REACH + 1, dtype=values.dtype)
-        weights = jnp.exp(-0.5 * (offsets / width) ** 2)
-        weights = weights / jnp.sum(weights)
+    offsets = jnp.arange(-REACH, REACH + 1, dtype=values.dtype)
+    weights = jnp.exp(-0.5 * (offsets / width) ** 2)
+    weights = weights / jnp.sum(weights)
+    for axis in range(1, values.ndim):
+        size = values.shape[axis]
         padding = [(REACH, REACH) if k == axis else (0, 0) for k in range(values.ndim)]
         padded = materialise(jnp.pad(values, padding, mode="symmetric"))
         parts = [

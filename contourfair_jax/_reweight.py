@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from ._energy import FLAT
 from ._form import CellForm, Dofs, Weights
-from ._hermite import cells_to_row, row_to_cells
+from ._hermite import cells_to_rows, rows_to_cells
 from ._method import is_traced
 
 # Energies far below this part of the mean count as equally small.
@@ -37,11 +37,11 @@ def weighs_cells(norm: float | Float[Array, ""]) -> bool:
 
 def power_weights(
     energy: CellForm, weights: Weights, dofs: Dofs, norm: float | Float[Array, ""]
-) -> Float[Array, " vertices"]:
+) -> Float[Array, "1 vertices"]:
     """`e^(norm/2 - 1)` of every cell, scaled to a mean of 1; 1 everywhere where e is constant."""
-    row = jnp.sum(weights * energy.densities(dofs), axis=0)
+    row = jnp.sum(weights * energy.densities(dofs), axis=0, keepdims=True)
     # Rounding can leave energies of flat cells below zero.
-    energies = jnp.maximum(row_to_cells(row, energy.shape), 0)
+    energies = jnp.maximum(rows_to_cells(row, energy.shape), 0)
     relative = energies / (jnp.mean(energies) + FLAT**2) + FLOOR
     powers = relative ** (norm / 2 - 1)
-    return cells_to_row(powers / jnp.mean(powers))
+    return cells_to_rows(powers / jnp.mean(powers))

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from ._energy import FLAT
 from ._form import CellForm, Dofs, Weights
 from ._hermite import cells_to_rows, rows_to_cells
-from ._xla import materialise
+from ._xla import apart, materialise
 
 # Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
 REACH = 6
@@ -51,6 +51,7 @@ def _powers(smoothed: CellTensor, sharpness: int) -> CellTensor:
     return {axes: entry / total for axes, entry in power.items()}
 
 
+@apart
 def smooth(
     values: Float[Array, "entries *cells"], width: float | Float[Array, ""]
 ) -> Float[Array, "entries *cells"]:

@@ -20,7 +20,7 @@ class Solution(NamedTuple):
 def conjugate_gradients(
     apply: Callable[[Array], Array],
     rhs: Float[Array, "..."],
-    guess: Float[Array, "..."],
+    guess: Float[Array, "..."] | None,
     precondition: Callable[[Array], Array],
     tolerance: float,
     max_steps: int,
@@ -29,35 +29,37 @@ def conjugate_gradients(
     """Solve a symmetric positive definite system.
 
     Stops when the residual, in the norm of the preconditioner, is `tolerance` times the right-hand
-    side, or `least_size` if that is larger, or after `max_steps`.  A guess that is worse than zero
-    is not used.
+    side, or `least_size` if that is larger, or after `max_steps`.  With a guess the first step goes
+    along it as far as is best, so that none is worse than zero, and does not count.
     """
 
-    def norm(x: Array) -> Array:
-        return jnp.sum(x * precondition(x))
+    def nonzero(number: Array) -> Array:
+        return jnp.where(number == 0, jnp.ones_like(number), number)
 
     def unfinished(state: tuple) -> Array:
         *_, squared, step = state
-        return (squared > target) & (step < max_steps)
+        return (step < 0) | (squared > target) & (step < max_steps)
 
     def advance(state: tuple) -> tuple:
         x, residual, direction, squared, step = state
         image = apply(direction)
-        length = squared / jnp.sum(direction * image)
+        curvature = jnp.sum(direction * image)
+        length = squared / nonzero(curvature)
         x = x + length * direction
         residual = residual - length * image
         scaled = precondition(residual)
         renewed = jnp.sum(residual * scaled)
-        return x, residual, scaled + (renewed / squared) * direction, renewed, step + 1
+        kept = jnp.where(step < 0, 0, renewed / nonzero(squared))
+        return x, residual, scaled + kept * direction, renewed, step + 1
 
-    size = norm(rhs)
+    scaled = precondition(rhs)
+    size = jnp.sum(rhs * scaled)
     largest = jnp.maximum(size, least_size**2)
     target = tolerance**2 * largest
-    residual = rhs - apply(guess)
-    useful = norm(residual) < size
-    guess, residual = jnp.where(useful, guess, 0), jnp.where(useful, residual, rhs)
-    direction = precondition(residual)
-    state = (guess, residual, direction, jnp.sum(residual * direction), jnp.zeros((), jnp.int32))
+    direction, squared, step = (
+        (scaled, size, 0) if guess is None else (guess, jnp.sum(guess * rhs), -1)
+    )
+    state = (jnp.zeros_like(rhs), rhs, direction, squared, jnp.full((), step, jnp.int32))
     x, _, _, squared, steps = jax.lax.while_loop(unfinished, advance, state)
-    relative = jnp.sqrt(squared / jnp.where(largest == 0, 1, largest))
+    relative = jnp.sqrt(squared / nonzero(largest))
     return Solution(x, steps, relative, jnp.sqrt(largest))

@@ -74,10 +74,10 @@ class GlobalFairing(AbstractFairing):
     smoothness : float
         Weight of `h^2 tr(D^3 M D^3)`, the third derivatives, in the energy.  0.01 to 0.04 makes up
         for what cubic cells lack on smooth data.
-    norm : float
-        Power p of the energy, `sum over cells of (integral tr(H M H))^(p/2)`, in [1, 2].  2 is
-        least squares.  Smaller lets the field bend where it must, at edges and ridges, and swings
-        less beside them.
+    norm : float or None
+        Power p of the energy, `sum over cells of (integral tr(H M H))^(p/2)`, in [1, 2].  2, or
+        None, is least squares.  Smaller lets the field bend where it must, at edges and ridges, and
+        swings less beside them.
     sigma : float or array, shape (n_1, ..., n_d), or None
         Standard deviation of the noise of the samples, in their units.  The field then meets the
         samples within the noise, `mean(((f - a) / sigma)^2) = 1`, instead of exactly.  For data
@@ -126,7 +126,7 @@ class GlobalFairing(AbstractFairing):
     hessian_weight: float | Float[Array, ""] = 0.0
     tension: float | Float[Array, ""] = 0.0
     smoothness: float | Float[Array, ""] = 0.0
-    norm: float | Float[Array, ""] = 2.0
+    norm: float | Float[Array, ""] | None = 2.0
     sigma: float | Float[Array, "*shape"] | None = None
     cell_weights: Float[Array, "*cells"] | None = None
     border_degree: int = eqx.field(static=True, default=0)
@@ -147,7 +147,8 @@ class GlobalFairing(AbstractFairing):
         _check.check_real(self.hessian_weight, "hessian_weight")
         _check.check_real(self.tension, "tension")
         _check.check_real(self.smoothness, "smoothness")
-        _check.check_real(self.norm, "norm", least=1.0, most=2.0)
+        if self.norm is not None:
+            _check.check_real(self.norm, "norm", least=1.0, most=2.0)
         _check.check_positive(self.sigma, "sigma")
         _check.check_positive(self.cell_weights, "cell_weights")
         _check.check_real(self.tolerance, "tolerance", open_below=True)
@@ -187,7 +188,7 @@ class GlobalFairing(AbstractFairing):
         def improve(state: tuple[Array, Array, Array], powers: Powers) -> tuple[tuple, tuple]:
             dofs, stiffness, size = state
             weights = self._weights(structure, energy, dofs, powers)
-            pins = stiffness * trust
+            pins = jnp.broadcast_to(stiffness * trust, missing.size)
             system = LinearSystem(energy, weights, start, free, pins)
             solution = solve(system, dofs, size, self._precision())
             update = jnp.max(jnp.abs(solution.value - dofs))
@@ -197,7 +198,8 @@ class GlobalFairing(AbstractFairing):
 
         state = start, _noise.first_stiffness(trust), jnp.zeros((), values.dtype)
         powers = Powers(
-            *(jnp.asarray(p, values.dtype) for p in (self.thin_plate_weight, self.norm))
+            jnp.asarray(self.thin_plate_weight, values.dtype),
+            jnp.asarray(2 if self.norm is None else self.norm, values.dtype),
         )
         if self.converge is None:
             first = jnp.arange(self.iterations + 1) == 0
@@ -273,16 +275,18 @@ class GlobalFairing(AbstractFairing):
         _check.check_shape(self.cell_weights, cells, "cell_weights")
         # Differentiated samples are known as well, or the derivative were of another problem.
         values = jax.lax.stop_gradient(values)
+        # A power that is known to be 2 costs nothing, a traced one an energy in every iteration.
+        method = self if weighs_cells(self.norm) else dataclasses.replace(self, norm=None)
         if is_traced(values):
-            return self
+            return method
         missing = np.isnan(np.asarray(values))
         if missing.all():
             raise ValueError(
                 "values must hold at least one sample, got only NaN; there is nothing to fill from"
             )
         if self.coarse_grids is not None:
-            return self
-        return dataclasses.replace(self, coarse_grids=has_wide_holes(missing))
+            return method
+        return dataclasses.replace(method, coarse_grids=has_wide_holes(missing))
 
     def warn(self, report):
         if bool(report.converged):  # pyright: ignore

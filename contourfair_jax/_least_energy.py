@@ -71,7 +71,7 @@ def solve(
 
     def solve_transposed(_, pair: tuple[Array, Array]) -> tuple[tuple, tuple]:
         right, size = pair
-        solution = _iterate(frozen, right, jnp.zeros_like(near), size, precision)
+        solution = _iterate(frozen, right, None, size, precision)
         return (solution.value, solution.size), (solution.steps, solution.residual)
 
     right = system.right_side()
@@ -96,7 +96,7 @@ def save_solutions(primitive, *_, **__) -> bool:
 def _iterate(
     system: LinearSystem,
     right: Dofs,
-    guess: Dofs,
+    guess: Dofs | None,
     least_size: Float[Array, ""],
     precision: Precision,
 ) -> Solution:

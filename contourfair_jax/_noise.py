@@ -14,22 +14,26 @@ def trust(
     sigma: float | Float[Array, "*shape"] | None,
     missing: Bool[Array, "*shape"],
     spread: Float[Array, ""],
-) -> Float[Array, " vertices"]:
-    """1 / sigma^2 of every sample in units of the spread; zero where nothing is known."""
+) -> Float[Array, "vertices_or_1"]:
+    """1 / sigma^2 of every sample in units of the spread; zero where nothing is known.
+
+    One zero for all without `sigma`: XLA adds up long constants when it compiles, which takes it
+    far longer than the program later.
+    """
     if sigma is None:
-        return jnp.zeros(missing.size, spread.dtype)
+        return jnp.zeros(1, spread.dtype)
     relative = jnp.broadcast_to(jnp.asarray(sigma, spread.dtype), missing.shape) / spread
     return jnp.where(missing, 0, 1 / relative**2).ravel()
 
 
-def first_stiffness(trust: Float[Array, " vertices"]) -> Float[Array, ""]:
+def first_stiffness(trust: Float[Array, "vertices_or_1"]) -> Float[Array, ""]:
     """A stiffness with which no spring is harder than the energy."""
     return 1 / jnp.maximum(jnp.max(trust), 1)
 
 
 def next_stiffness(
     stiffness: Float[Array, ""],
-    trust: Float[Array, " vertices"],
+    trust: Float[Array, "vertices_or_1"],
     misfit: Float[Array, " vertices"],
 ) -> Float[Array, ""]:
     """A stiffness that brings the mean square of misfit over sigma nearer to 1."""

@@ -30,9 +30,9 @@ class Powers(NamedTuple):
         return Powers(*(jnp.where(first, p, q) for p, q in zip((1, 2), self, strict=True)))
 
 
-def weighs_cells(norm: float | Float[Array, ""]) -> bool:
+def weighs_cells(norm: float | Float[Array, ""] | None) -> bool:
     """Whether this power of the energy makes cells count differently; a traced one may."""
-    return is_traced(norm) or float(norm) != 2
+    return norm is not None and (is_traced(norm) or float(norm) != 2)
 
 
 def power_weights(

@@ -6,6 +6,7 @@ is one program for each shape and sharpness, `clean` another.
 
 import dataclasses
 import functools
+import time
 
 import cases
 import equinox as eqx
@@ -305,6 +306,35 @@ def test_a_continued_border_with_holes_and_noise(rng):
     weighted = cf.fair_field(smooth, method=dataclasses.replace(method, cell_weights=weights))
     plain = cf.fair_field(smooth, method=method)
     np.testing.assert_allclose(weighted.refine(2), plain.refine(2), atol=1e-12)
+
+
+@BOTH
+def test_a_power_of_two_is_least_squares_however_it_is_given():
+    values = jnp.asarray(samples_of("ridge", FLAT), jnp.zeros(()).dtype)
+    nets = [
+        cf.fair_field(values, method=cf.GlobalFairing(norm=norm)).control_points
+        for norm in (2.0, None, jnp.array(2.0))
+    ]
+    assert_close(nets[1], nets[0], 1e-5)
+    assert_close(nets[2], nets[0], 1e-5)
+
+
+@SLOW
+@pytest.mark.parametrize(
+    "settings", [{}, {"converge": 1e-3, "iterations": 20}], ids=["iterations", "limit"]
+)
+def test_derivatives_compile_as_fast_for_large_grids(settings):
+    def seconds(shape):
+        method = cf.GlobalFairing(**settings)
+        program = jax.jit(
+            jax.grad(lambda v: jnp.sum(cf.fair_field(v, method=method).control_points ** 2))
+        )
+        lowered = program.lower(jax.ShapeDtypeStruct(shape, jnp.float32))
+        start = time.perf_counter()
+        lowered.compile()
+        return time.perf_counter() - start
+
+    assert seconds((2000, 2001)) < 2.5 * seconds((40, 41))
 
 
 def test_thin_plate_alone():

@@ -22,7 +22,8 @@ last: `jax.vmap` would move the batch first for that, and back.
 """
 
 import itertools
-from functools import cache
+import math
+from functools import cache, partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,7 +31,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._basis import block_of, full_axis, index_set, quadrature
-from ._xla import materialise, matmul
+from ._xla import apart, materialise, matmul
 
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.
 FLAT = 1e-6
@@ -58,13 +59,13 @@ class LocalEnergy(eqx.Module):
         axis, scale = materialise((jnp.asarray(full_axis(order), dtype), 1 / spacing))
         samples, fairing = index_set(ndim, "samples"), index_set(ndim, "fairing")
         first, second = derivatives(1, ndim), derivatives(2, ndim)
-        gradients = [_functions(axis, scale, kind, first) for kind in (samples, fairing)]
-        self.gradient_tables = [
-            jnp.concatenate([part[axes] for part in gradients], axis=1) for axes in first
-        ]
-        self.sample_hessians = _functions(axis, scale, samples, second)  # pyright: ignore
-        self.fairing_hessians = _functions(axis, scale, fairing, second)  # pyright: ignore
-        self.matrix_tables = _product_tables(self.fairing_hessians, order**ndim)
+        tables = _functions(axis, scale, np.concatenate([samples, fairing]), first + second)
+        self.gradient_tables = list(tables[:ndim])
+        hessians = dict(zip(second, tables[ndim:], strict=True))
+        given = len(samples)
+        self.sample_hessians = {axes: table[:, :given] for axes, table in hessians.items()}  # pyright: ignore
+        self.fairing_hessians = {axes: table[:, given:] for axes, table in hessians.items()}  # pyright: ignore
+        self.matrix_tables = _product_tables(tables[ndim:, : order**ndim, given:])
         self.weights = jnp.asarray(_product_weights(ndim, order), dtype)
 
     @property
@@ -241,40 +242,52 @@ def _functions(
     scale: Float[Array, " ndim"],
     indices: np.ndarray,
     partials: list[tuple[int, ...]],
-) -> dict[tuple[int, ...], Float[Array, "points n"]]:
+) -> Float[Array, "partials points n"]:
     """Derivatives of product functions at the quadrature points, in physical units."""
     ndim = indices.shape[1]
+    orders = np.array([[axes.count(k) for k in range(ndim)] for axes in partials])
+    powers = jnp.stack([jnp.ones_like(scale), scale, scale * scale])
+    rows = [
+        axis[orders[:, k]][:, :, indices[:, k]] * powers[orders[:, k], k, None, None, None]
+        for k in range(ndim)
+    ]
     letters = [(chr(ord("a") + k), chr(ord("p") + k)) for k in range(ndim)]
-    formula = ",".join(f"{half}n{point}" for half, point in letters)
-    formula += "->" + "".join(half for half, _ in letters) + "".join(p for _, p in letters) + "n"
-    tables = {}
-    for axes in partials:
-        rows = [
-            axis[axes.count(k)][:, indices[:, k]] * scale[k] ** axes.count(k) for k in range(ndim)
-        ]
-        tables[axes] = jnp.einsum(formula, *rows, precision="highest").reshape(-1, len(indices))
-    return tables
+    formula = ",".join(f"z{half}n{point}" for half, point in letters)
+    formula += "->z" + "".join(half for half, _ in letters) + "".join(p for _, p in letters) + "n"
+    tables = apart(partial(jnp.einsum, formula, precision="highest"))(*rows)
+    return tables.reshape(len(partials), -1, len(indices))
 
 
 def _product_tables(
-    hessians: dict[tuple[int, int], Float[Array, "points n"]], half: int
+    hessians: Float[Array, "pairs half n"],
 ) -> list[Float[Array, "entries pairs_half"]]:
     """sum_c f_ac f_bc of all pairs of functions at the points of the upper halves, for a <= b."""
-    upper = {axes: table[:half].T for axes, table in hessians.items()}
-    ndim = max(hessians)[0] + 1
+    count, half, size = hessians.shape
+    ndim = (math.isqrt(8 * count + 1) - 1) // 2
+    pairs = derivatives(2, ndim)
+    # Where f_ac of every pair (a, b) stands for c, and f_bc.
+    first, second = (
+        [
+            np.array([pairs.index(tuple(sorted((axes[side], c)))) for axes in pairs])
+            for c in range(ndim)
+        ]
+        for side in (0, 1)
+    )
+    # Entries off the diagonal of M count twice.
+    twice = np.array([1.0 if a < b else 0.5 for a, b in pairs])
 
-    def product(a: int, b: int) -> Float[Array, "n n half"]:
-        terms = [_entry(upper, a, c)[:, None] * _entry(upper, b, c)[None] for c in range(ndim)]
-        one = sum(terms[1:], start=terms[0])
-        return one if a == b else one + one.transpose(1, 0, 2)
+    @apart
+    def products(upper: Float[Array, "n pairs half"]) -> Float[Array, "n n pairs half"]:
+        terms = [upper[:, None, a] * upper[None, :, b] for a, b in zip(first, second, strict=True)]
+        terms += [upper[:, None, b] * upper[None, :, a] for a, b in zip(first, second, strict=True)]
+        return sum(terms[1:], start=terms[0]) * jnp.asarray(twice, upper.dtype)[None, None, :, None]
 
-    products = materialise([product(a, b) for a, b in hessians])
-    every = materialise(jnp.concatenate(products, axis=2))
+    every = products(jnp.moveaxis(hessians, 2, 0)).reshape(size, size, count * half)
     ends = np.concatenate([[0], np.cumsum(block_sizes("fairing", ndim))])
 
     def block(p: int, q: int) -> Float[Array, "entries pairs_half"]:
         part = every[ends[p] : ends[p + 1], ends[q] : ends[q + 1]]
-        return part.reshape(-1, half * len(products))
+        return part.reshape(-1, count * half)
 
     return [jnp.concatenate([block(p, q) for p, q in group]) for group in block_pairs(ndim)]
 

@@ -22,16 +22,23 @@ last: `jax.vmap` would move the batch first for that, and back.
 """
 
 import itertools
-import math
-from functools import cache, partial
+from functools import cache
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._basis import block_of, full_axis, index_set, quadrature
-from ._xla import apart, materialise, matmul
+from ._basis import full_axis, index_set
+from ._tables import (
+    block_pairs,
+    block_sizes,
+    derivatives,
+    function_tables,
+    point_weights,
+    product_tables,
+)
+from ._xla import materialise, matmul
 
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.
 FLAT = 1e-6
@@ -59,14 +66,14 @@ class LocalEnergy(eqx.Module):
         axis, scale = materialise((jnp.asarray(full_axis(order), dtype), 1 / spacing))
         samples, fairing = index_set(ndim, "samples"), index_set(ndim, "fairing")
         first, second = derivatives(1, ndim), derivatives(2, ndim)
-        tables = _functions(axis, scale, np.concatenate([samples, fairing]), first + second)
+        tables = function_tables(axis, scale, np.concatenate([samples, fairing]), first + second)
         self.gradient_tables = list(tables[:ndim])
         hessians = dict(zip(second, tables[ndim:], strict=True))
         given = len(samples)
         self.sample_hessians = {axes: table[:, :given] for axes, table in hessians.items()}  # pyright: ignore
         self.fairing_hessians = {axes: table[:, given:] for axes, table in hessians.items()}  # pyright: ignore
-        self.matrix_tables = _product_tables(tables[ndim:, : order**ndim, given:])
-        self.weights = jnp.asarray(_product_weights(ndim, order), dtype)
+        self.matrix_tables = product_tables(tables[ndim:, : order**ndim, given:], ndim)
+        self.weights = jnp.asarray(point_weights(ndim, order), dtype)
 
     @property
     def ndim(self) -> int:
@@ -190,12 +197,6 @@ def cholesky_factor(tensor: Tensor) -> Tensor:
     return factor
 
 
-def block_pairs(ndim: int) -> list[list[tuple[int, int]]]:
-    """The blocks (p, q), p <= q, of the fairing matrix: a list for each product of parities."""
-    count = 2**ndim
-    return [[(p, p ^ both) for p in range(count) if p <= p ^ both] for both in range(count)]
-
-
 def full_matrix(
     entries: Float[Array, "entries batch"], ndim: int
 ) -> Float[Array, "fairing fairing batch"]:
@@ -219,77 +220,12 @@ def _places(ndim: int) -> np.ndarray:
     return places
 
 
-def block_sizes(kind: str, ndim: int) -> np.ndarray:
-    """How many of the sample or fairing functions fall into each parity block."""
-    return np.bincount(block_of(index_set(ndim, kind)), minlength=2**ndim)
-
-
-def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
-    """The partial derivatives of an order, as sorted tuples of axes."""
-    return list(itertools.combinations_with_replacement(range(ndim), order))
-
-
 def _flips(axes: tuple[int, ...], ndim: int) -> int:
     """The parities that derivatives along `axes` change, as a block number."""
     flips = 0
     for axis in axes:
         flips ^= 1 << (ndim - 1 - axis)
     return flips
-
-
-def _functions(
-    axis: Float[Array, "3 2 5 q"],
-    scale: Float[Array, " ndim"],
-    indices: np.ndarray,
-    partials: list[tuple[int, ...]],
-) -> Float[Array, "partials points n"]:
-    """Derivatives of product functions at the quadrature points, in physical units."""
-    ndim = indices.shape[1]
-    orders = np.array([[axes.count(k) for k in range(ndim)] for axes in partials])
-    powers = jnp.stack([jnp.ones_like(scale), scale, scale * scale])
-    rows = [
-        axis[orders[:, k]][:, :, indices[:, k]] * powers[orders[:, k], k, None, None, None]
-        for k in range(ndim)
-    ]
-    letters = [(chr(ord("a") + k), chr(ord("p") + k)) for k in range(ndim)]
-    formula = ",".join(f"z{half}n{point}" for half, point in letters)
-    formula += "->z" + "".join(half for half, _ in letters) + "".join(p for _, p in letters) + "n"
-    tables = apart(partial(jnp.einsum, formula, precision="highest"))(*rows)
-    return tables.reshape(len(partials), -1, len(indices))
-
-
-def _product_tables(
-    hessians: Float[Array, "pairs half n"],
-) -> list[Float[Array, "entries pairs_half"]]:
-    """sum_c f_ac f_bc of all pairs of functions at the points of the upper halves, for a <= b."""
-    count, half, size = hessians.shape
-    ndim = (math.isqrt(8 * count + 1) - 1) // 2
-    pairs = derivatives(2, ndim)
-    # Where f_ac of every pair (a, b) stands for c, and f_bc.
-    first, second = (
-        [
-            np.array([pairs.index(tuple(sorted((axes[side], c)))) for axes in pairs])
-            for c in range(ndim)
-        ]
-        for side in (0, 1)
-    )
-    # Entries off the diagonal of M count twice.
-    twice = np.array([1.0 if a < b else 0.5 for a, b in pairs])
-
-    @apart
-    def products(upper: Float[Array, "n pairs half"]) -> Float[Array, "n n pairs half"]:
-        terms = [upper[:, None, a] * upper[None, :, b] for a, b in zip(first, second, strict=True)]
-        terms += [upper[:, None, b] * upper[None, :, a] for a, b in zip(first, second, strict=True)]
-        return sum(terms[1:], start=terms[0]) * jnp.asarray(twice, upper.dtype)[None, None, :, None]
-
-    every = products(jnp.moveaxis(hessians, 2, 0)).reshape(size, size, count * half)
-    ends = np.concatenate([[0], np.cumsum(block_sizes("fairing", ndim))])
-
-    def block(p: int, q: int) -> Float[Array, "entries pairs_half"]:
-        part = every[ends[p] : ends[p + 1], ends[q] : ends[q + 1]]
-        return part.reshape(-1, count * half)
-
-    return [jnp.concatenate([block(p, q) for p, q in group]) for group in block_pairs(ndim)]
 
 
 def _entry(tensor: dict, a: int, b: int) -> Array:
@@ -307,11 +243,3 @@ def _fold(values: Float[Array, " points"], ndim: int) -> list[Float[Array, " hal
             for k in range(2**ndim)
         ]
     return parts
-
-
-def _product_weights(ndim: int, order: int) -> np.ndarray:
-    """Weights of all quadrature points."""
-    weights = np.ones(1)
-    for _ in range(ndim):
-        weights = np.multiply.outer(weights, quadrature(order)[1]).ravel()
-    return np.tile(weights, 2**ndim)

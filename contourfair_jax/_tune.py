@@ -61,6 +61,10 @@ PROBE = SMOOTH._replace(smoothness=0.2, border_degree=0)
 HANDICAP = 1.25
 COHERENCE = 1.2
 
+# Where samples are missing: tension is flat over wide holes, which cross-validation does not see,
+# and polynomials beyond the border are far off behind holes, so that both are left out.
+MOST_TENSION = 0.0
+
 # Waves that the samples just resolve look like noise on a checkerboard of them.  Where one of these
 # candidates is this much better when only a few samples are dropped, at least so many, the
 # checkerboard was too coarse.
@@ -97,7 +101,7 @@ def tune(
     Parameters
     ----------
     values : array, shape (n_1, n_2) or (n_1, n_2, n_3)
-        Samples; NaN is missing.
+        Samples; NaN is missing.  Where any is, settings that fill wide holes badly are left out.
     spacing : float or sequence of ndim floats
     sigma : float or array, or None
         Noise of the samples, passed on to the method that is returned.
@@ -140,11 +144,13 @@ def tune(
     few = _scattered(known)
     on_half = functools.cache(lambda candidate: _errors(values, spacing, candidate, half))
     on_few = functools.cache(lambda candidate: _errors(values, spacing, candidate, few))
-    chosen = _least(on_half)
+    gapless = bool(known.all())
+    tried = [each for each in CANDIDATES if gapless or each.tension <= MOST_TENSION]
+    chosen = _least(tried, on_half)
     if int(jnp.sum(known & few)) >= FEWEST and _contradicted(chosen, on_few):
-        chosen = _least(on_few)
+        chosen = _least(tried, on_few)
     elif HANDICAP * on_half(PROBE).inside < on_half(chosen).inside:
-        chosen = SMOOTH
+        chosen = SMOOTH if gapless else SMOOTH._replace(border_degree=0)
     return GlobalFairing(**chosen._asdict(), coherence=COHERENCE, sigma=sigma)  # pyright: ignore
 
 
@@ -213,13 +219,13 @@ def _inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
     return jnp.asarray(inside)
 
 
-def _least(errors: Callable[[Candidate], Errors]) -> Candidate:
+def _least(tried: Sequence[Candidate], errors: Callable[[Candidate], Errors]) -> Candidate:
     """The best candidate.
 
     What is smooth over the wide gaps of cross-validation need not be over the gaps between all
     samples: smoothness s has to lower the error by more than s of it.
     """
-    return min(CANDIDATES, key=lambda each: errors(each).everywhere * (1 + each.smoothness))
+    return min(tried, key=lambda each: errors(each).everywhere * (1 + each.smoothness))
 
 
 def _contradicted(chosen: Candidate, errors: Callable[[Candidate], Errors]) -> bool:

@@ -191,3 +191,15 @@ def test_cross_validation_error_by_hand():
         squares.extend(((np.asarray(field.samples) - RIDGE) ** 2)[colour == dropped])
     ours = cross_validation_error(method, jnp.asarray(RIDGE), jnp.ones(2))
     assert float(ours) == pytest.approx(np.mean(squares), rel=1e-6)
+
+
+def test_what_fills_wide_holes_badly_is_left_out():
+    x = np.linspace(-1.0, 1.0, 13)
+    smooth = np.exp(-(x[:, None] ** 2) - (x[None, :] - 0.2) ** 2)
+    holed = np.where(np.add.outer(np.arange(13), np.arange(13)) < 5, np.nan, smooth)
+    whole, filling = cf.tune(smooth), cf.tune(holed)
+    assert whole.border_degree > 0
+    assert filling.border_degree == 0
+    assert filling.tension == 0
+    error = np.asarray(cf.fair_field(holed, method=filling).samples) - smooth
+    assert np.abs(error).max() < 0.1

@@ -43,8 +43,7 @@ def conjugate_gradients(
     def advance(state: tuple) -> tuple:
         x, residual, direction, squared, step = state
         image = apply(direction)
-        curvature = jnp.sum(direction * image)
-        length = squared / nonzero(curvature)
+        length = squared / nonzero(jnp.sum(direction * image))
         x = x + length * direction
         residual = residual - length * image
         scaled = precondition(residual)

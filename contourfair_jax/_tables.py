@@ -58,21 +58,19 @@ def product_tables(
     """sum_c f_ac f_bc of all pairs of functions at the points of the upper halves, for a <= b."""
     count, half, size = hessians.shape
     pairs = derivatives(2, ndim)
-    # Where f_ac of every pair (a, b) stands for c, and f_bc.
-    first, second = (
-        [
-            np.array([pairs.index(tuple(sorted((axes[side], c)))) for axes in pairs])
-            for c in range(ndim)
-        ]
-        for side in (0, 1)
-    )
+
+    def places(side: int, c: int) -> np.ndarray:
+        """Of f_ac, or with side 1 of f_bc, for every pair (a, b)."""
+        return np.array([pairs.index(tuple(sorted((axes[side], c)))) for axes in pairs])
+
+    both = [(places(0, c), places(1, c)) for c in range(ndim)]
     # Entries off the diagonal of M count twice.
     twice = np.array([1.0 if a < b else 0.5 for a, b in pairs])
 
     @apart
     def products(upper: Float[Array, "n pairs half"]) -> Float[Array, "n n pairs half"]:
-        terms = [upper[:, None, a] * upper[None, :, b] for a, b in zip(first, second, strict=True)]
-        terms += [upper[:, None, b] * upper[None, :, a] for a, b in zip(first, second, strict=True)]
+        terms = [upper[:, None, a] * upper[None, :, b] for a, b in both]
+        terms += [upper[:, None, b] * upper[None, :, a] for a, b in both]
         return sum(terms[1:], start=terms[0]) * jnp.asarray(twice, upper.dtype)[None, None, :, None]
 
     every = products(jnp.moveaxis(hessians, 2, 0)).reshape(size, size, count * half)

@@ -61,10 +61,6 @@ PROBE = SMOOTH._replace(smoothness=0.2, border_degree=0)
 HANDICAP = 1.25
 COHERENCE = 1.2
 
-# Where samples are missing: tension is flat over wide holes, which cross-validation does not see,
-# and polynomials beyond the border are far off behind holes, so that both are left out.
-MOST_TENSION = 0.0
-
 # Waves that the samples just resolve look like noise on a checkerboard of them.  Where one of these
 # candidates is this much better when only a few samples are dropped, at least so many, the
 # checkerboard was too coarse.
@@ -144,8 +140,10 @@ def tune(
     few = _scattered(known)
     on_half = functools.cache(lambda candidate: _errors(values, spacing, candidate, half))
     on_few = functools.cache(lambda candidate: _errors(values, spacing, candidate, few))
+    # Cross-validation does not see wide holes.  Tension is flat over them, and polynomials that
+    # continue the samples beyond the border are far off behind them.
     gapless = bool(known.all())
-    tried = [each for each in CANDIDATES if gapless or each.tension <= MOST_TENSION]
+    tried = [each for each in CANDIDATES if gapless or each.tension == 0]
     chosen = _least(tried, on_half)
     if int(jnp.sum(known & few)) >= FEWEST and _contradicted(chosen, on_few):
         chosen = _least(tried, on_few)

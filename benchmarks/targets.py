@@ -8,7 +8,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ from benchmarks.report import Result, Track, size
 
 X64 = False
 POINTS = 1_000_000
+PRODUCT = 2048  # a size at which a product of matrices reaches the machine's rate
 LOCAL, GLOBAL = cf.LocalFairing(), cf.GlobalFairing(tolerance=1e-3)
 STARTED = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
 
@@ -33,19 +33,17 @@ class Compiled(NamedTuple):
     seconds: float
 
 
+def _compiled(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
+    return partial(jax.jit(function).lower(*arguments).compile(), *arguments)
+
+
 @functools.cache
 def fairing(shape: tuple[int, ...], method: Any) -> Compiled:
     """Compiled once for all that is timed with it."""
     values = jnp.asarray(waves(shape))
     start = time.perf_counter()
-    program = jax.jit(lambda v: cf.fair_field(v, method=method).control_points)
-    compiled = program.lower(values).compile()
-    return Compiled(partial(compiled, values), time.perf_counter() - start)
-
-
-def seconds_of(shape: tuple[int, ...], method: Any) -> float:
-    """Seconds of fairing `waves(shape)`."""
-    return clock.median(fairing(shape, method).run, 3)
+    run = _compiled(lambda v: cf.fair_field(v, method=method).control_points, values)
+    return Compiled(run, time.perf_counter() - start)
 
 
 def _inner(shape: tuple[int, ...]) -> int:
@@ -97,39 +95,55 @@ def operations(shape: tuple[int, ...], method: Any) -> float:
     return global_operations(len(shape), int(fitted.steps.sum())) * float(np.prod(shape))
 
 
-def local(shape: tuple[int, ...], peak: float, least: float, short: bool) -> list[Result]:
-    """Against a straightforward program and against the roofline of its own operations."""
-    seconds = seconds_of(shape, LOCAL)
-    values = jnp.asarray(waves(shape))
-    naive = clock.median(partial(fair_naively.lower(values).compile(), values), 3)
-    floor = operations(shape, LOCAL) / peak
-    name = f"local {size(shape)}"
+def over_roofline(shape: tuple[int, ...], method: Any) -> float:
+    """Seconds of fairing over those of its operations at the rate of a large product."""
+    product, work = machine.matrix_product(PRODUCT)
+    return clock.ratio(fairing(shape, method).run, product) * work / operations(shape, method)
+
+
+def roofline(shape: tuple[int, ...], method: Any, name: str) -> Result:
+    """Against the roofline of its own operations."""
+    return _target(
+        f"{name} {size(shape)}: engine / roofline", over_roofline(shape, method), 3, "most"
+    )
+
+
+def local(shape: tuple[int, ...], least: float, short: bool) -> list[Result]:
+    """Against a straightforward program, with LAPACK, and against the roofline."""
+    ours, naive = fairing(shape, LOCAL).run, _compiled(fair_naively, jnp.asarray(waves(shape)))
+    name, slower = f"local {size(shape)}", clock.ratio(naive, ours)
     rows = [
-        _target(f"{name}: straightforward / engine", naive / seconds, least, "least"),
-        _target(f"{name}: engine / roofline", seconds / floor, 3.0, "most"),
+        _target(f"{name}: straightforward / engine", slower, least, "least"),
+        roofline(shape, LOCAL, "local"),
     ]
     if not short:
-        lu = seconds_of(shape, cf.LocalFairing(solver=cf.LU()))
-        rows.insert(1, _target(f"{name}: with `LU()` / engine", lu / seconds, None, "least"))
+        lu = clock.ratio(fairing(shape, cf.LocalFairing(solver=cf.LU())).run, ours)
+        rows.insert(1, _target(f"{name}: with `LU()` / engine", lu, None, "least"))
     return rows
 
 
-def whole(shape: tuple[int, ...], peak: float) -> tuple[float, Result]:
-    """Seconds of global fairing, and against the roofline of its own operations."""
-    floor = operations(shape, GLOBAL) / peak
-    seconds = seconds_of(shape, GLOBAL)
-    return seconds, _target(
-        f"global {size(shape)}: engine / roofline", seconds / floor, 3.0, "most"
-    )
+def planar(shape: tuple[int, ...]) -> list[Result]:
+    """Global fairing against cubic zoom, and against the roofline."""
+    values = waves(shape)
+    zoom = clock.ratio(fairing(shape, GLOBAL).run, lambda: ndimage.zoom(values, 4, order=3))
+    name = f"global {size(shape)}: engine / ndimage.zoom(3) by 4"
+    return [_target(name, zoom, 2, "most"), roofline(shape, GLOBAL, "global")]
+
+
+def linear(few: tuple[int, ...], many: tuple[int, ...], method: Any, name: str) -> Result:
+    """Time per sample of a large grid against that of a smaller one."""
+    longer = clock.ratio(fairing(many, method).run, fairing(few, method).run)
+    each = longer * np.prod(few) / np.prod(many)
+    return _target(f"{name}: per sample, {size(many)} / {size(few)}", each, 1.15, "most")
 
 
 def refine(shape: tuple[int, ...]) -> Result:
     """`refine(4)` against linear zoom."""
     field = cf.fair_field(waves(shape), method=cf.GlobalFairing(iterations=0))
-    ours = clock.median(eqx.Partial(eqx.filter_jit(lambda f: f.refine(4)), field), 5)
+    ours = _compiled(lambda f: f.refine(4), field)
     values = waves(shape)
-    zoom = clock.median(lambda: ndimage.zoom(values, 4, order=1, grid_mode=False), 3)
-    return _target(f"refine(4) of {size(shape)}: engine / ndimage.zoom(1)", ours / zoom, 1, "most")
+    ratio = clock.ratio(ours, lambda: ndimage.zoom(values, 4, order=1, grid_mode=False))
+    return _target(f"refine(4) of {size(shape)}: engine / ndimage.zoom(1)", ratio, 1, "most")
 
 
 def queries(shape: tuple[int, ...]) -> list[Result]:
@@ -140,25 +154,24 @@ def queries(shape: tuple[int, ...]) -> list[Result]:
     field = cf.fair_field(waves(shape), method=cf.GlobalFairing(iterations=0))
     points = np.random.default_rng(0).uniform(0, 1, (POINTS, ndim)) * (np.array(shape) - 1)
     points = jnp.asarray(points, jnp.float32)
-    everything = eqx.filter_jit(lambda f, p: f.jet(p))
-    ours = clock.median(lambda: everything(field, points), 3)
+    ours = _compiled(lambda f, p: f.jet(p), field, points)
     values, columns = waves(shape), np.asarray(points).T
-    spline = clock.median(lambda: ndimage.map_coordinates(values, columns, order=3), 1)
+    spline = clock.ratio(ours, lambda: ndimage.map_coordinates(values, columns, order=3))
     axes = [jnp.arange(n, dtype=jnp.float32) for n in shape]
     function = {2: interpax.interp2d, 3: interpax.interp3d}[ndim]
-    peer = jax.jit(lambda v, *q: function(*q, *axes, v, method="cubic"))
-    theirs = clock.median(partial(peer, jnp.asarray(values), *points.T), 3)
+    evaluate = partial(function, method="cubic")
+    peer = _compiled(lambda v, *q: evaluate(*q, *axes, v), jnp.asarray(values), *points.T)
+    cubic = clock.ratio(ours, peer)
     name = f"10^6 values, gradients, Hessians in {ndim}-D: engine /"
     return [
-        _target(f"{name} values of interpax cubic", ours / theirs, 1.0, "most"),
-        _target(f"{name} values of map_coordinates(3)", ours / spline, 1.0, "most"),
+        _target(f"{name} values of interpax cubic", cubic, 1, "most"),
+        _target(f"{name} values of map_coordinates(3)", spline, 1, "most"),
     ]
 
 
 def reverse_over_forward(shape: tuple[int, ...], method: Any) -> float:
     """What the gradient of a loss in the samples takes beyond the fairing."""
-    forward = seconds_of(shape, method)
-    return sample_gradient(shape, lambda: method) / forward - 1
+    return clock.ratio(sample_gradient(shape, method), fairing(shape, method).run) - 1
 
 
 def reverse(shape: tuple[int, ...], method: Any, name: str) -> Result:
@@ -187,33 +200,19 @@ def start_up() -> Result:
 
 def run(track: Track = report.silent, short: bool = False) -> Result:
     """All targets; `short` takes small grids, whose ratios say less, and no reverse pass in 3-D."""
-    peak = 1e9 * machine.run()["peak_gflops"]
     plane, volume = ((256, 256), (24,) * 3) if short else ((1024, 1024), (64,) * 3)
     few, many = ((128, 128), (256, 256)) if short else ((512, 512), (2048, 2048))
     block, cube = ((8,) * 3, (24,) * 3) if short else ((48,) * 3, (48,) * 3)
-
-    def planar() -> list[Result]:
-        seconds, roofline = whole(plane, peak)
-        values = waves(plane)
-        zoom = clock.median(lambda: ndimage.zoom(values, 4, order=3), 3)
-        name = f"global {size(plane)}: engine / ndimage.zoom(3) by 4"
-        return [_target(name, seconds / zoom, 2.0, "most"), roofline]
-
-    def linear(method: Any, name: str) -> list[Result]:
-        each = [seconds_of(s, method) / np.prod(s) for s in (few, many)]
-        text = f"{name}: per sample, {size(many)} / {size(few)}"
-        return [_target(text, each[1] / each[0], 1.15, "most")]
-
     jobs: list[Callable[[], list[Result]]] = [
-        lambda: local(few if short else plane, peak, 5.0, short),
-        lambda: local(block if short else (24,) * 3, peak, 8.0, short),
-        planar,
-        lambda: [whole(volume, peak)[1]],
+        lambda: local(few if short else plane, 5.0, short),
+        lambda: local(block if short else (24,) * 3, 8.0, short),
+        lambda: planar(plane),
+        lambda: [roofline(volume, GLOBAL, "global")],
         lambda: [refine(plane), refine(volume)],
         lambda: queries(plane),
         lambda: queries(volume),
-        lambda: linear(LOCAL, "local"),
-        lambda: linear(GLOBAL, "global"),
+        lambda: [linear(few, many, LOCAL, "local")],
+        lambda: [linear(few, many, GLOBAL, "global")],
         lambda: [reverse(few, LOCAL, "local")],
         lambda: [reverse(few, GLOBAL, "global")],
         lambda: [] if short else [reverse(cube, GLOBAL, "global")],
@@ -223,7 +222,7 @@ def run(track: Track = report.silent, short: bool = False) -> Result:
         lambda: [start_up()],
     ]
     rows = [row for job in track(jobs, "targets") for row in job()]
-    return {"short": short, "peak_gflops": peak / 1e9, "rows": rows}
+    return {"short": short, "rows": rows}
 
 
 def _target(name: str, measured: float, limit: float | None, kind: str) -> Result:

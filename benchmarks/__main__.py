@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -155,13 +156,16 @@ def _tracker(quiet: bool) -> Iterator[Track]:
 def _run_one(name: str, quiet: bool, store: bool = True, **options: Any) -> None:
     benchmark = BENCHMARKS[name]
     engine.use_x64(benchmark.x64)
+    start = time.perf_counter()
     with _tracker(quiet) as track:
         result = benchmark.run(track, **options)
+    result["took_s"] = time.perf_counter() - start
     path = report.save(name, result) if store else None
     if not quiet:
         _show(name, result if path is None else None)
         if path is not None:
-            typer.echo(f"wrote {path.relative_to(Path.cwd())}", err=True)
+            took = f"{result['took_s']:.0f} s"
+            typer.echo(f"wrote {path.relative_to(Path.cwd())} after {took}", err=True)
 
 
 def _show(name: str, result: Result | None = None) -> None:

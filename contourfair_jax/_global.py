@@ -13,7 +13,6 @@ does not grow with the grid.  A missing sample only frees its value.
 
 import dataclasses
 import warnings
-from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
@@ -24,7 +23,6 @@ from jaxtyping import Array, Float
 
 from . import _check, _noise
 from ._continue import LARGEST_DEGREE, LAYERS, continue_samples
-from ._fixed_point import fixed_point
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cells_to_rows, to_net
 from ._least_energy import LinearSystem, Precision, save_solutions, solve
@@ -33,6 +31,7 @@ from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import has_wide_holes
 from ._normals import LARGEST_COHERENCE, normal_weights
+from ._renewals import Info, State, converge, renew
 from ._reweight import Powers, power_weights, weighs_cells
 
 
@@ -185,74 +184,36 @@ class GlobalFairing(AbstractFairing):
         trust = _noise.trust(self.sigma, missing, spread)
 
         @partial(jax.checkpoint, prevent_cse=False, policy=save_solutions)
-        def improve(state: tuple[Array, Array, Array], powers: Powers) -> tuple[tuple, tuple]:
-            dofs, stiffness, size = state
-            weights = self._weights(structure, energy, dofs, powers)
-            pins = jnp.broadcast_to(stiffness * trust, missing.size)
+        def renewal(state: State, powers: Powers) -> tuple[State, Info]:
+            weights = self._weights(structure, energy, state.dofs, powers)
+            pins = jnp.broadcast_to(state.stiffness * trust, missing.size)
             system = LinearSystem(energy, weights, start, free, pins)
-            solution = solve(system, dofs, size, self._precision())
-            update = jnp.max(jnp.abs(solution.value - dofs))
-            stiffness = _noise.next_stiffness(stiffness, trust, solution.value[0] - start[0])
-            state = solution.value, stiffness, solution.size
-            return state, (update, solution.steps, solution.residual)
+            solution = solve(system, state.dofs, state.size, self._precision())
+            update = jnp.max(jnp.abs(solution.value - state.dofs))
+            misfit = solution.value[0] - start[0]
+            stiffness = _noise.next_stiffness(state.stiffness, trust, misfit)
+            info = Info(update, solution.steps, solution.residual)
+            return State(solution.value, stiffness, solution.size), info
 
-        state = start, _noise.first_stiffness(trust), jnp.zeros((), values.dtype)
         powers = Powers(
             jnp.asarray(self.thin_plate_weight, values.dtype),
             jnp.asarray(2 if self.norm is None else self.norm, values.dtype),
         )
+        state = State(start, _noise.first_stiffness(trust), jnp.zeros((), values.dtype))
         if self.converge is None:
-            first = jnp.arange(self.iterations + 1) == 0
-            (dofs, *_), info = jax.lax.scan(improve, state, powers.unless(first))
+            dofs, info = renew(renewal, state, powers, self.iterations)
         else:
-            dofs, info = self._limit(improve, state, powers)
-        updates, steps, residuals = info
+            change, tolerance = self.converge, self.tolerance
+            dofs, info = converge(renewal, state, powers, self.iterations, change, tolerance)
         if self.limit:
             dofs = limit_slopes(dofs, shape)
         net = to_net(dofs, shape) * spread + centre
         fitted = net[(slice(None, None, 3),) * ndim]
         net = set_samples(net, jnp.where(exact, values, fitted))
-        converged = jnp.all(residuals <= self.tolerance)
+        converged = jnp.all(info.residual <= self.tolerance)
         if self.converge is not None:
-            converged = converged & (updates[-1] <= self.converge)  # 0 where it was not needed
-        return net, FitReport(converged, updates, steps, residuals, missing)
-
-    def _limit(
-        self, improve: Callable, start: tuple[Array, Array, Array], powers: Powers
-    ) -> tuple[Array, tuple[Array, Array, Array]]:
-        """The state that `improve` leaves as it is, and what every iteration says of itself."""
-        most = self.iterations + 1
-
-        def step(state: tuple[Array, Array]) -> tuple[Array, Array]:
-            dofs, stiffness, _ = improve((*state, jnp.zeros_like(state[1])), powers)[0]
-            return dofs, stiffness
-
-        def solve() -> tuple[tuple[Array, Array], tuple]:
-            frozen = jax.lax.stop_gradient((start, powers))
-
-            def unfinished(carry: tuple) -> Array:
-                _, (updates, _, _), k = carry
-                return (k < most) & ((k < 2) | (updates[k - 1] > self.converge))
-
-            def advance(carry: tuple) -> tuple:
-                state, infos, k = carry
-                state, info = improve(state, frozen[1].unless(k == 0))
-                infos = jax.tree.map(lambda all, one: all.at[k].set(one), infos, info)
-                return state, infos, k + 1
-
-            infos = jax.tree.map(
-                lambda one: jnp.zeros((most,), one.dtype),
-                jax.eval_shape(improve, *frozen)[1],
-            )
-            (dofs, stiffness, _), infos, _ = jax.lax.while_loop(
-                unfinished, advance, (frozen[0], infos, 0)
-            )
-            # What is not differentiated has to be real all the same.
-            return (dofs, stiffness), jax.tree.map(lambda info: info.astype(dofs.dtype), infos)
-
-        (dofs, _), infos = fixed_point(step, solve, start[:2], self.tolerance)
-        updates, steps, residuals = jax.lax.stop_gradient(infos)
-        return dofs, (updates, steps.astype(jnp.int32), residuals)
+            converged = converged & (info.update[-1] <= self.converge)  # 0 where it was not needed
+        return net, FitReport(converged, info.update, info.steps, info.residual, missing)
 
     def _precision(self) -> Precision:
         return Precision(self.tolerance, self.max_steps, bool(self.coarse_grids))

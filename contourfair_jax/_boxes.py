@@ -57,8 +57,8 @@ class BoxAverages(AbstractObservation):
         if len(shape) != ndim:
             raise ValueError(f"values of BoxAverages must have {ndim} axes, got shape {shape}")
         corner = extent.origin if self.corner is None else self.corner
-        size = _check.check_per_axis(self.size, ndim, extent.dtype, "size", positive=True)
-        corner = _check.check_per_axis(corner, ndim, extent.dtype, "corner")
+        size = _check.check_per_axis(self.size, ndim, "size", positive=True)
+        corner = _check.check_per_axis(corner, ndim, "corner")
         if is_traced(size, corner, extent.spacing, extent.origin):
             raise ValueError(
                 "BoxAverages must know where its boxes lie, got a traced size, corner, spacing or "

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 # The dimensions the method is written for.
@@ -17,14 +18,15 @@ def check_samples(values: object, name: str = "values") -> Array:
     """Turn `values` into a floating JAX array of rank 2 or 3 with at least 3 samples per axis.
 
     Integers and booleans become the default float, float16 and bfloat16 become float32, and a
-    float64 array that JAX would narrow (x64 is off) warns.
+    float64 array that JAX would narrow (x64 is off) warns.  What is masked or infinite is missing:
+    NaN.
 
     Raises
     ------
     ValueError
         For another rank, a short axis, or a dtype that is not real.
     """
-    array = values if isinstance(values, jax.Array) else np.asarray(values)
+    array = values if isinstance(values, jax.Array) else _unmasked(values)
     dtype = np.dtype(array.dtype)
     if dtype.kind not in "fiub" and not jnp.issubdtype(dtype, jnp.floating):
         raise ValueError(
@@ -48,24 +50,36 @@ def check_samples(values: object, name: str = "values") -> Array:
             UserWarning,
             stacklevel=3,
         )
-    return jnp.asarray(array, dtype=_float_dtype(dtype))
+    array = jnp.asarray(array, dtype=_float_dtype(dtype))
+    if dtype.kind in "iub":
+        return array
+    return jnp.where(jnp.isinf(array), jnp.nan, array)
+
+
+def _unmasked(values: object) -> np.ndarray:
+    """As a plain array, NaN in the place of what is masked."""
+    if not isinstance(values, np.ma.MaskedArray) or not np.ma.is_masked(values):
+        return np.asarray(values)
+    floats = values if values.dtype.kind == "f" else values.astype(float)
+    return np.ma.filled(floats, np.nan)
 
 
 def _float_dtype(dtype: np.dtype) -> np.dtype:
     """The dtype to compute in: float32 and float64 are kept (float64 if x64 is on)."""
-    if dtype in (np.float32, np.float64):
-        return jax.dtypes.canonicalize_dtype(dtype)
+    if dtype.kind == "f" and dtype.itemsize >= 4:
+        return jax.dtypes.canonicalize_dtype(np.dtype(np.float32 if dtype.itemsize == 4 else float))
     if jnp.issubdtype(dtype, jnp.floating):
         return np.dtype(np.float32)
     return jax.dtypes.canonicalize_dtype(np.dtype(float))
 
 
 def check_per_axis(
-    value: object, ndim: int, dtype: np.dtype, name: str, *, positive: bool = False
-) -> Float[Array, " ndim"]:
+    value: object, ndim: int, name: str, *, positive: bool = False
+) -> Float[np.ndarray | Array, " ndim"]:
     """Broadcast a scalar or a sequence of `ndim` real numbers to an array, shape (ndim,).
 
-    The numbers are checked where they are known: inside `jax.jit` only their count is.
+    What is known becomes a NumPy array in float64, also inside `jax.jit` and where JAX computes in
+    float32, in which coordinates of maps do not fit.  Of traced numbers only the count is checked.
 
     Raises
     ------
@@ -73,30 +87,36 @@ def check_per_axis(
         For a wrong length, numbers that are not finite, or (`positive`) not above zero.
     """
     if isinstance(value, Sequence) and any(isinstance(item, Tracer) for item in value):
-        value = jnp.stack([jnp.asarray(item, dtype=dtype) for item in value])
+        value = jnp.stack(jnp.broadcast_arrays(*jax.tree.map(_as_float, list(value))))
     array = value if isinstance(value, jax.Array) else np.asarray(value)
     if array.dtype.kind not in "fiu" or array.shape not in ((), (ndim,)):
         raise ValueError(
             f"{name} must be one real number or {ndim} of them, one per axis, got {describe(value)}"
         )
-    if not isinstance(array, Tracer):
-        known = np.asarray(array, dtype=np.float64)
-        if not np.all(np.isfinite(known)) or (positive and np.any(known <= 0)):
-            rule = "finite and above zero" if positive else "finite"
-            raise ValueError(
-                f"{name} must be {rule} along every axis, got {describe(value)}; "
-                "flip the axis instead of using a negative spacing"
-                if positive
-                else f"{name} must be {rule} along every axis, got {describe(value)}"
-            )
-        # Known also inside `jax.jit`, for those that need the numbers themselves.
-        with jax.ensure_compile_time_eval():
-            return jnp.broadcast_to(jnp.asarray(array, dtype=dtype), (ndim,))
-    return jnp.broadcast_to(jnp.asarray(array, dtype=dtype), (ndim,))
+    if isinstance(array, Tracer):
+        return jnp.broadcast_to(_as_float(array), (ndim,))
+    known = np.broadcast_to(np.asarray(array, dtype=np.float64), (ndim,))
+    with np.errstate(over="ignore", under="ignore"):
+        single = known.astype(np.float32)  # as which they may be computed with
+    if not np.all(np.isfinite(single)) or (positive and np.any(single <= 0)):
+        rule = "finite and above zero, in float32 too," if positive else "finite, in float32 too,"
+        raise ValueError(
+            f"{name} must be {rule} along every axis, got {describe(value)}; "
+            "flip the axis instead of using a negative spacing"
+            if positive
+            else f"{name} must be {rule} along every axis, got {describe(value)}"
+        )
+    return known
 
 
-def check_points(points: object, ndim: int, dtype: np.dtype) -> Float[Array, "*batch ndim"]:
-    """Turn `points` into an array of shape (..., ndim) in the field's dtype.
+def _as_float(number: ArrayLike) -> Array:
+    """In its own precision, or the default one of an integer."""
+    dtype = jnp.result_type(number)
+    return jnp.asarray(number, dtype if jnp.issubdtype(dtype, jnp.floating) else float)
+
+
+def check_points(points: object, ndim: int) -> Float[np.ndarray | Array, "*batch ndim"]:
+    """Turn `points` into an array of shape (..., ndim), of NumPy unless they are of JAX.
 
     Raises
     ------
@@ -104,12 +124,13 @@ def check_points(points: object, ndim: int, dtype: np.dtype) -> Float[Array, "*b
         For a last axis of another length or numbers that are not real.
     """
     array = points if isinstance(points, jax.Array) else np.asarray(points)
-    if array.dtype.kind not in "fiu" or array.ndim == 0 or array.shape[-1] != ndim:
+    real = array.dtype.kind in "iu" or jnp.issubdtype(array.dtype, jnp.floating)
+    if not real or array.ndim == 0 or array.shape[-1] != ndim:
         raise ValueError(
             f"points must be real with shape (..., {ndim}), coordinates last, got shape "
             f"{array.shape} and dtype {array.dtype}; stack the coordinates along the last axis"
         )
-    return jnp.asarray(array, dtype=dtype)
+    return array
 
 
 def check_choice(value: object, choices: Sequence[object], name: str) -> None:
@@ -175,7 +196,7 @@ def check_shape(value: object, shape: tuple, name: str, *, scalar: bool = False)
 
 def _is_placeholder(value: object) -> bool:
     """True for what tree transformations put in the place of a leaf."""
-    return value is None or not isinstance(value, int | float | np.ndarray | np.generic | jax.Array)
+    return type(value) is object or isinstance(value, jax.ShapeDtypeStruct)
 
 
 def describe(value: object) -> str:

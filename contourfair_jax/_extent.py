@@ -8,6 +8,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._method import is_traced
+from ._precision import finest
 
 # How far outside the grid a point may lie by rounding, in units of the spacing.
 SLACK = 1e-5
@@ -18,7 +19,7 @@ class Extent(eqx.Module):
 
     shape: tuple[int, ...] = eqx.field(static=True)
     spacing: Float[Array, " ndim"]
-    origin: Float[Array, " ndim"]
+    origin: Float[Array | np.ndarray, " ndim"]
 
     @property
     def ndim(self) -> int:
@@ -31,7 +32,9 @@ class Extent(eqx.Module):
         return self.spacing.dtype
 
     def check_inside(self, points: ArrayLike, kind: str) -> Array:
-        """Points in the dtype of the fit.
+        """Points counted from the origin, in the dtype of the fit.
+
+        Of known ones the origin is taken off in float64.
 
         Raises
         ------
@@ -45,18 +48,26 @@ class Extent(eqx.Module):
                 f"points of {kind} must have {self.ndim} coordinates for a grid of shape "
                 f"{self.shape}, got shape {shape}"
             )
-        if not is_traced(points, self.spacing, self.origin):
-            low, known = np.asarray(self.origin, dtype=float), np.asarray(points, dtype=float)
-            step = np.asarray(self.spacing, dtype=float)
-            high = low + step * (np.array(self.shape) - 1)
-            outside = ((known < low - SLACK * step) | (known > high + SLACK * step)).any(axis=-1)
-            if outside.any():
-                raise ValueError(
-                    f"{outside.sum()} of {outside.size} points of {kind} lie outside the grid, "
-                    f"which goes from {tuple(low.tolist())} to {tuple(high.tolist())}; "
-                    "leave them out, or fit a larger grid"
-                )
-        return jnp.asarray(points, self.dtype)
+        if is_traced(points, self.spacing, self.origin):
+            points, origin = finest(points, self.origin)
+            return (points - jnp.broadcast_to(origin, points.shape)).astype(self.dtype)
+        low, step = np.asarray(self.origin, dtype=float), np.asarray(self.spacing, dtype=float)
+        known, size = np.asarray(points, dtype=float) - low, step * (np.array(self.shape) - 1)
+        outside = ((known < -SLACK * step) | (known > size + SLACK * step)).any(axis=-1)
+        if outside.any():
+            raise ValueError(
+                f"{outside.sum()} of {outside.size} points of {kind} lie outside the grid, "
+                f"which goes from {tuple(low.tolist())} to {tuple((low + size).tolist())}; "
+                "leave them out, or fit a larger grid"
+            )
+        return jnp.asarray(known, self.dtype)
+
+    def absolute(self, points: Float[Array, "n ndim"]) -> Float[Array | np.ndarray, "n ndim"]:
+        """Points as they were before `check_inside`; of NumPy, in float64, where they are known."""
+        if is_traced(points, self.origin):
+            points, origin = finest(points, self.origin)
+            return points + origin[None]
+        return np.asarray(points, float) + np.asarray(self.origin, float)
 
 
 def check_finite(array: ArrayLike, name: str) -> None:

@@ -54,8 +54,9 @@ def fair_field(
 
     Notes
     -----
-    NaN in the samples: local fairing leaves NaN in the cells whose samples one step around include
-    it, at most four per axis, and nowhere else; global fairing fills it.
+    Samples that are NaN, infinite or masked are missing: local fairing leaves NaN in the cells
+    whose samples one step around include one, at most four per axis for each, and nowhere else;
+    global fairing fills them.
 
     Values are never looked at inside `jax.jit`.  Outside, a method may refuse samples it has no
     answer for and warns where it did not converge.
@@ -74,14 +75,15 @@ def fair_field(
     (37, 37)
     """
     values = _check.check_samples(values)
-    spacing = _check.check_per_axis(spacing, values.ndim, values.dtype, "spacing", positive=True)
-    origin = _check.check_per_axis(origin, values.ndim, values.dtype, "origin")
+    spacing = _check.check_per_axis(spacing, values.ndim, "spacing", positive=True)
+    origin = _check.check_per_axis(origin, values.ndim, "origin")
     if method is None:
         method = LocalFairing()
     if not isinstance(method, AbstractFairing):
         raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
     method = method.prepare(values)
-    net, report = _fit(settings_as_arrays(method, values.dtype), values, spacing)
+    settings, steps = settings_as_arrays(method, values.dtype), jnp.asarray(spacing, values.dtype)
+    net, report = _fit(settings, values, steps)
     known = jax.lax.stop_gradient(report)
     if not is_traced(*jax.tree.leaves(known)):
         method.warn(known)

@@ -3,14 +3,16 @@
 from typing import TYPE_CHECKING
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from . import _check
-from ._bezier import cell_extreme, is_flat, refine_axis
-from ._jets import jets
+from ._bezier import cell_extreme, refine_axis
 from ._method import FitReport
+from ._precision import finest
+from ._queries import OUTSIDE, mean_curvature, partials
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from .adaptive import AdaptiveField
     from .contours import Bands, Contours, Levels
     from .isosurface import Isosurface
-
-OUTSIDE = ("nan", "clamp", "extend")
 
 
 class BezierField(eqx.Module):
@@ -35,7 +35,8 @@ class BezierField(eqx.Module):
     spacing : array, shape (ndim,)
         Distance of samples along each axis.
     origin : array, shape (ndim,)
-        Position of the first sample.
+        Position of the first sample.  `fair_field` keeps both in float64, as NumPy arrays, where
+        they are known.
     report : FitReport or None
         Steps, residuals, convergence and filled samples of an iterative fit (`GlobalFairing`).
 
@@ -45,6 +46,12 @@ class BezierField(eqx.Module):
     moves the point to the nearest point of the grid (derivatives are those of the field there),
     "extend" continues the polynomials of the border cells.  A cell with NaN among its net points is
     NaN; a point with a NaN coordinate is NaN.
+
+    Points that are NumPy arrays or lists are placed in the grid in float64, whatever JAX computes
+    in: coordinates of maps have more digits than float32.
+
+    `jax.vmap` gives a batch of fields in one object: its arrays have an axis more, and its methods
+    are to be called inside `jax.vmap` too.
 
     Examples
     --------
@@ -57,19 +64,32 @@ class BezierField(eqx.Module):
     """
 
     control_points: Float[Array, "*net"]
-    spacing: Float[Array, " ndim"]
-    origin: Float[Array, " ndim"]
+    spacing: Float[Array | np.ndarray, " ndim"]
+    origin: Float[Array | np.ndarray, " ndim"]
     report: FitReport | None = None
 
     @property
     def ndim(self) -> int:
-        """Spatial dimensions, 2 or 3."""
-        return self.control_points.ndim
+        """Spatial dimensions, 2 or 3.
+
+        Raises
+        ------
+        ValueError
+            For a batch of fields.
+        """
+        ndim = self.spacing.shape[-1]
+        if self.control_points.ndim != ndim:
+            raise ValueError(
+                f"field must be one field, got a batch of them, with control points of shape "
+                f"{self.control_points.shape} in {ndim}-D; call its methods inside jax.vmap, as in "
+                "jax.vmap(lambda field: field.refine(2))(fields)"
+            )
+        return ndim
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Samples along each axis."""
-        return tuple((points - 1) // 3 + 1 for points in self.control_points.shape)
+        return tuple((n - 1) // 3 + 1 for n in self.control_points.shape[-self.ndim :])
 
     @property
     def dtype(self) -> jnp.dtype:
@@ -82,7 +102,7 @@ class BezierField(eqx.Module):
         return self.control_points[(slice(None, None, 3),) * self.ndim]
 
     def __call__(
-        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
     ) -> Float[Array, " *batch"]:
         """Values at physical coordinates, shape (..., ndim) -> (...).
 
@@ -94,7 +114,7 @@ class BezierField(eqx.Module):
         return self._derivatives(points, outside, 0)[0][..., 0]
 
     def gradient(
-        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
     ) -> Float[Array, "*batch ndim"]:
         """Gradients at physical coordinates, in units of value per length.
 
@@ -106,7 +126,7 @@ class BezierField(eqx.Module):
         return self.value_and_gradient(points, outside)[1]
 
     def value_and_gradient(
-        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
     ) -> tuple[Array, Array]:
         """Values (...) and gradients (..., ndim) at physical coordinates, from one gather.
 
@@ -119,7 +139,7 @@ class BezierField(eqx.Module):
         return value[..., 0], gradient
 
     def hessian(
-        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
     ) -> Float[Array, "*batch ndim ndim"]:
         """Hessians at physical coordinates; on the faces of cells, of the cell above.
 
@@ -131,7 +151,7 @@ class BezierField(eqx.Module):
         return self.jet(points, outside)[2]
 
     def jet(
-        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
     ) -> tuple[Array, Array, Array]:
         """Value (...), gradient (..., ndim) and Hessian (..., ndim, ndim), from one gather.
 
@@ -148,7 +168,7 @@ class BezierField(eqx.Module):
         return value[..., 0], gradient, second[..., place]
 
     def mean_curvature(
-        self, points: Float[Array, "*batch ndim"], outside: str = "nan"
+        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
     ) -> Float[Array, " *batch"]:
         """Mean curvature of the level set through each point, in units of 1 / length.
 
@@ -163,13 +183,7 @@ class BezierField(eqx.Module):
             As for a call of the field.
         """
         value, gradient, hessian = self.jet(points, outside)
-        squared = jnp.sum(gradient * gradient, axis=-1)
-        flat = is_flat(value, gradient, self.spacing)
-        squared = jnp.where(flat, 1, squared)
-        along = jnp.einsum("...a,...ab,...b->...", gradient, hessian, gradient, precision="highest")
-        trace = jnp.trace(hessian, axis1=-2, axis2=-1)
-        curvature = (trace - along / squared) / (jnp.sqrt(squared) * (self.ndim - 1))
-        return jnp.where(flat, 0, curvature)
+        return mean_curvature(value, gradient, hessian, jnp.asarray(self.spacing, value.dtype))
 
     def refine(self, factor: int) -> Float[Array, "*fine"]:
         """Samples on the `factor` times finer grid, factor (n - 1) + 1 per axis.
@@ -250,50 +264,17 @@ class BezierField(eqx.Module):
         their neighbours (end of section 4.2 of the paper).
         """
         knots, coefficients = [], self.control_points
+        spacing, origin = finest(self.spacing, self.origin)
         for axis, n in enumerate(self.shape):
-            vertices = self.origin[axis] + self.spacing[axis] * jnp.arange(n, dtype=self.dtype)
+            vertices = origin[axis] + spacing[axis] * jnp.arange(n, dtype=spacing.dtype)
             ends = jnp.repeat(vertices[jnp.array([0, -1])], 2)
             knots.append(jnp.concatenate([ends[:2], jnp.repeat(vertices, 2), ends[2:]]))
             kept = [k for k in range(3 * n - 2) if k % 3 or k in (0, 3 * n - 3)]
             coefficients = jnp.take(coefficients, jnp.array(kept), axis=axis)
         return tuple(knots), coefficients
 
-    def _derivatives(self, points: Array, outside: str, order: int) -> list[Array]:
+    def _derivatives(self, points: ArrayLike, outside: str, order: int) -> list[Array]:
         """Partial derivatives of orders 0 to `order` at physical coordinates."""
         _check.check_choice(outside, OUTSIDE, "outside")
-        points = _check.check_points(points, self.ndim, self.dtype)
-        cells = jnp.array(self.shape, dtype=self.dtype) - 1
-        spacing, origin, cells = (
-            jnp.broadcast_to(x, points.shape) for x in (self.spacing, self.origin, cells)
-        )
-        grid = (points - origin) / spacing
-        inside = jnp.all((grid >= 0) & (grid <= cells), axis=-1, keepdims=True)
-        # A NaN within would spoil derivatives of results that do not depend on it.
-        nowhere = jnp.any(jnp.isnan(grid), axis=-1, keepdims=True)
-        grid = jnp.where(nowhere, 0, grid)
-        if outside == "clamp":
-            # Not `clip`, which passes on half of a derivative at the limits.
-            grid = jnp.where(grid < 0, 0, jnp.where(grid > cells, cells, grid))
-        cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
-        flat = (x.reshape(-1, self.ndim) for x in (cell.astype(jnp.int32), grid - cell))
-        results = jets(self.control_points, *flat, order)
-        scaled = []
-        for n, values in enumerate(results):
-            values = values.reshape(*points.shape[:-1], -1)
-            values = values * _inverse_lengths(self.spacing, n, values.shape)
-            hidden = ~inside if outside == "nan" else nowhere
-            scaled.append(jnp.where(hidden, jnp.nan, values))
-        return scaled
-
-
-def _inverse_lengths(spacing: Float[Array, " ndim"], order: int, shape: tuple) -> Array:
-    """What turns derivatives per cell into derivatives per length, one for each derivative."""
-    inverse = 1 / spacing
-    if order == 0:
-        factors = jnp.ones((1,), spacing.dtype)
-    elif order == 1:
-        factors = inverse
-    else:
-        rows, columns = jnp.triu_indices(len(spacing))
-        factors = inverse[rows] * inverse[columns]
-    return jnp.broadcast_to(factors, shape)
+        places = _check.check_points(points, self.ndim)
+        return partials(self.control_points, self.spacing, self.origin, places, outside, order)

@@ -51,25 +51,19 @@ class GlobalFairing(AbstractFairing):
         The weight w of the thin plate energy, in (0, 1].  Smaller is fairer, and slower.
     iterations : int
         How often the normals are renewed after the first, thin plate fit; 0 is thin plate alone.
-    converge : float or None
-        Renew the normals until the field changes by less than this, in units of the samples'
-        spread, at most `iterations` times; give it some 50 then.  The limit is differentiated by
-        the implicit function theorem, with memory that does not depend on the iterations.
-        Derivatives are as accurate as `tolerance`, which is to be well below `converge`.
-        None renews them `iterations` times, and derivatives are those of the last iterate.
     coherence : float
         Width of the Gaussian that averages the normal tensors, in cells, 0 to 2.5.
     sharpness : int
         Power p of the normal tensor, `N = J^p / tr(J^p)`: larger trusts the main direction more.
+    tension : float
+        Weight of `g^T M g / h^2` in the energy, with h the smallest spacing.  Holds slopes back,
+        for a thin plate (w = 1) in all directions, otherwise along the contours: more for rough
+        and for jagged samples.
     hessian_weight : float
         Weight of `h^2 H H^T` beside `g g^T` in the tensor J that normals come from, with h the
         smallest spacing.  The gradient alone misses how the field bends along ridges, valleys and
         on slopes; with both (Koethe's boundary tensor) small `thin_plate_weight` suits terrain
         too.  0.5 to 8.
-    tension : float
-        Weight of `g^T M g / h^2` in the energy, with h the smallest spacing.  Holds slopes back,
-        for a thin plate (w = 1) in all directions, otherwise along the contours: more for rough
-        and for jagged samples.
     smoothness : float
         Weight of `h^2 tr(D^3 M D^3)`, the third derivatives, in the energy.  0.01 to 0.04 makes up
         for what cubic cells lack on smooth data.
@@ -91,6 +85,12 @@ class GlobalFairing(AbstractFairing):
     limit : bool
         Remove overshoot: every cell stays between the smallest and the largest of its own
         samples.  Samples and C1 are kept, fairness is not.
+    converge : float or None
+        Renew the normals until the field changes by less than this, in units of the samples'
+        spread, at most `iterations` times; give it some 50 then.  The limit is differentiated by
+        the implicit function theorem, with memory that does not depend on the iterations.
+        Derivatives are as accurate as `tolerance`, which is to be well below `converge`.
+        None renews them `iterations` times, and derivatives are those of the last iterate.
     coarse_grids : bool or None
         Precondition with coarse grids, which wide holes need and which take longer to compile.
         None decides by the samples; inside `jax.jit` and `jax.vmap`, where they are unknown, it
@@ -119,17 +119,17 @@ class GlobalFairing(AbstractFairing):
 
     thin_plate_weight: float | Float[Array, ""] = 0.05
     iterations: int = eqx.field(static=True, default=3)
-    converge: float | None = eqx.field(static=True, default=None)
     coherence: float | Float[Array, ""] = 1.2
     sharpness: int = eqx.field(static=True, default=1)
-    hessian_weight: float | Float[Array, ""] = 0.0
     tension: float | Float[Array, ""] = 0.0
+    hessian_weight: float | Float[Array, ""] = 0.0
     smoothness: float | Float[Array, ""] = 0.0
     norm: float | Float[Array, ""] | None = 2.0
     sigma: float | Float[Array, "*shape"] | None = None
     cell_weights: Float[Array, "*cells"] | None = None
     border_degree: int = eqx.field(static=True, default=0)
     limit: bool = eqx.field(static=True, default=False)
+    converge: float | None = eqx.field(static=True, default=None)
     coarse_grids: bool | None = eqx.field(static=True, default=None)
     tolerance: float = eqx.field(static=True, default=1e-4)
     max_steps: int = eqx.field(static=True, default=1000)
@@ -148,6 +148,8 @@ class GlobalFairing(AbstractFairing):
         _check.check_real(self.smoothness, "smoothness")
         if self.norm is not None:
             _check.check_real(self.norm, "norm", least=1.0, most=2.0)
+        _check.check_choice(self.limit, (False, True), "limit")
+        _check.check_choice(self.coarse_grids, (None, False, True), "coarse_grids")
         _check.check_positive(self.sigma, "sigma")
         _check.check_positive(self.cell_weights, "cell_weights")
         _check.check_real(self.tolerance, "tolerance", open_below=True)

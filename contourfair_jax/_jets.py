@@ -1,5 +1,6 @@
 """Values and derivatives of a Bezier net at many points, in batches that stay in the cache."""
 
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -27,7 +28,9 @@ def jets(
     batches = -(-count // most)
     size = -(-count // batches)
     places = tuple(
-        jnp.pad(x, ((0, batches * size - count), (0, 0)), mode="edge").reshape(batches, size, -1)
+        jnp.pad(x, ((0, batches * size - count), (0, 0)), mode="edge").reshape(
+            batches, size, net.ndim
+        )
         for x in (cells, t)
     )
 
@@ -82,11 +85,16 @@ def _written_out(
     points: Float[Array, "n ..."], weights: Float[Array, "n 4"]
 ) -> Float[Array, "n m"]:
     """Sums over the last axis, of length 4; XLA does short sums of its own on one core only."""
-    points = points.reshape(len(points), -1, 4)
+    points = _fours(points)
     first, *rest = (weights[:, i, None] * points[:, :, i] for i in range(4))
     return sum(rest, start=first)
 
 
 def _summed(points: Float[Array, "n ..."], weights: Float[Array, "n 4"]) -> Float[Array, "n m"]:
     """The same; its derivative does not put parts of arrays together again."""
-    return jnp.sum(points.reshape(len(points), -1, 4) * weights[:, None], axis=-1)
+    return jnp.sum(_fours(points) * weights[:, None], axis=-1)
+
+
+def _fours(points: Float[Array, "n ..."]) -> Float[Array, "n m 4"]:
+    count, *sizes = points.shape
+    return points.reshape(count, math.prod(sizes) // 4, 4)  # of no points too

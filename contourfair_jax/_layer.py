@@ -67,9 +67,7 @@ class FairUpsample(eqx.Module):
     def __check_init__(self):
         _check.check_count(self.factor, 1, "factor")
         _check.check_choice(self.ndim, _check.DIMENSIONS, "ndim")
-        _check.check_per_axis(
-            self.spacing, self.ndim, np.dtype("float32"), "spacing", positive=True
-        )
+        _check.check_per_axis(self.spacing, self.ndim, "spacing", positive=True)
         if not isinstance(self.method, AbstractFairing):
             raise ValueError(
                 f"method must be an object such as LocalFairing(), got {self.method!r}"

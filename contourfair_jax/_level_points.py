@@ -2,12 +2,15 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from . import _check
 from ._bezier import is_flat
 from ._field import BezierField
+from ._method import is_traced
+from ._precision import finest
 
 # Longest step of a projection, in cells: points stay near where they were found.
 LONGEST_STEP = 0.5
@@ -57,9 +60,34 @@ def level_points(
     -0.5
     """
     _check.check_count(steps, 0, "steps")
-    # Without its report the field is a pytree of numbers.
-    field = BezierField(field.control_points, field.spacing, field.origin)
-    points = jnp.asarray(points, field.dtype)
+    relative = from_origin(field, points)
+    placed, origin = finest(project(centred(field), relative, level, steps), field.origin)
+    return placed + jnp.broadcast_to(origin, placed.shape)
+
+
+def centred(field: BezierField) -> BezierField:
+    """The field with its first sample at zero, without its report: a pytree of numbers."""
+    spacing = jnp.asarray(field.spacing, field.dtype)
+    return BezierField(field.control_points, spacing, jnp.zeros_like(spacing))
+
+
+def from_origin(field: BezierField, points: ArrayLike) -> Float[Array, "*batch ndim"]:
+    """Points counted from the first sample, in the precision of the field.
+
+    Of known ones the origin is taken off in float64: coordinates of maps have many digits.
+    """
+    points = _check.check_points(points, field.ndim)
+    if is_traced(points, field.origin):
+        points, origin = finest(points, field.origin)
+        return (points - jnp.broadcast_to(origin, points.shape)).astype(field.dtype)
+    known = np.asarray(points, np.float64) - np.asarray(field.origin, np.float64)
+    return jnp.asarray(known, field.dtype)
+
+
+def project(
+    field: BezierField, points: Float[Array, "*batch ndim"], level: ArrayLike, steps: int = 2
+) -> Float[Array, "*batch ndim"]:
+    """`level_points` of a field that is `centred`."""
     level = jnp.broadcast_to(jnp.asarray(level, field.dtype), points.shape[:-1])
     start = points
     for _ in range(steps):
@@ -93,14 +121,17 @@ def _tied_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 def _across(field: BezierField, points: Array) -> Array:
     """g / |g|^2, or zero where the gradient vanishes; on the border g is that along it."""
     value, gradient = field.value_and_gradient(points, "extend")
-    flat = is_flat(value, gradient, field.spacing)[..., None]
-    along = jnp.where(_at_border(field, points), 0, gradient)
-    whole, kept = (jnp.sum(g * g, axis=-1, keepdims=True) for g in (gradient, along))
+    flat = is_flat(value, gradient, jnp.asarray(field.spacing, value.dtype))[..., None]
+    # Squares of a gradient that is far from 1 would leave the range of float32.
+    size = jnp.where(flat, 1, jnp.max(jnp.abs(gradient), axis=-1, keepdims=True))
+    unit = gradient / jax.lax.stop_gradient(size)
+    along = jnp.where(_at_border(field, points), 0, unit)
+    whole, kept = (jnp.sum(g * g, axis=-1, keepdims=True) for g in (unit, along))
     # A level set that runs along the border can only move off it.
-    gradient, squared = (
-        jnp.where(kept > LEAST_ALONG * whole, *pair) for pair in ((along, gradient), (kept, whole))
+    unit, squared = (
+        jnp.where(kept > LEAST_ALONG * whole, *pair) for pair in ((along, unit), (kept, whole))
     )
-    return jnp.where(flat, 0, gradient / jnp.where(flat, 1, squared))
+    return jnp.where(flat, 0, unit / jnp.where(flat, 1, squared) / jax.lax.stop_gradient(size))
 
 
 def _at_border(field: BezierField, points: Array) -> Array:

@@ -38,14 +38,15 @@ class Problem(eqx.Module):
     centre: Float[Array, ""]
 
     def relative_field(self, z: Float[Array, "*shape"]) -> BezierField:
-        """The field of the unknowns, minus the centre."""
-        geometry = {"spacing": self.extent.spacing, "origin": self.extent.origin}
-        return fair_field(self.coordinates.samples(z), method=self.method, **geometry)
+        """The field of the unknowns minus the centre, with points counted from the origin."""
+        samples, spacing = self.coordinates.samples(z), self.extent.spacing
+        return fair_field(samples, spacing=spacing, method=self.method)
 
     def field(self, z: Float[Array, "*shape"]) -> BezierField:
         """The field of the unknowns."""
         field = self.relative_field(z)
-        return dataclasses.replace(field, control_points=field.control_points + self.centre)
+        net = field.control_points + self.centre
+        return dataclasses.replace(field, control_points=net, origin=self.extent.origin)
 
     def residuals(self, z: Float[Array, "*shape"]) -> list[Array]:
         """All that is squared and summed: data in units of sigma, then the prior."""

@@ -66,7 +66,7 @@ def refine_sharded(
         For a mesh of more axes than the grid, or an argument that cannot be used.
     """
     values = _check.check_samples(values)
-    spacing = _check.check_per_axis(spacing, values.ndim, values.dtype, "spacing", positive=True)
+    steps = _check.check_per_axis(spacing, values.ndim, "spacing", positive=True)
     _check.check_count(factor, 1, "factor")
     if len(mesh.axis_names) > values.ndim:
         raise ValueError(
@@ -76,7 +76,7 @@ def refine_sharded(
     halo, cells = overlap_of(method, values.ndim, factor)
     tiling = Tiling(values.shape, int(factor), cells, halo)
     method = settings_as_arrays(tile_method(method), values.dtype)
-    return _refine(tiling, mesh, method, values, spacing)
+    return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))
 
 
 class _Part(NamedTuple):

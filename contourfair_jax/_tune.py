@@ -126,7 +126,8 @@ def tune(
     2
     """
     values = _check.check_samples(values)
-    spacing = _check.check_per_axis(spacing, values.ndim, values.dtype, "spacing", positive=True)
+    steps = _check.check_per_axis(spacing, values.ndim, "spacing", positive=True)
+    spacing = jnp.asarray(steps, values.dtype)
     if isinstance(values, Tracer):
         raise ValueError("values must be known to choose settings; call tune outside jax.jit")
     known = ~jnp.isnan(values)

@@ -28,6 +28,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._field import BezierField
+from ._level_points import centred, from_origin, project
 from ._level_points import level_points as level_points
 from .io import ContourLine
 
@@ -101,14 +102,17 @@ def bending(
     `length`.
     """
     points, follows = _tied_lines(field, lines, level)
-    squared = field.mean_curvature(points, "extend") ** 2
+    squared = centred(field).mean_curvature(points, "extend") ** 2
     return jnp.sum((squared[:-1] + squared[follows]) / 2 * _norm(points[follows] - points[:-1]))
 
 
 def _tied_lines(
     field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None
 ) -> tuple[Float[Array, "points 2"], np.ndarray]:
-    """All points of all lines, and of every one but the last which follows (itself at ends)."""
+    """All points of all lines, and of every one but the last which follows (itself at ends).
+
+    Points are counted from the origin of the field, here and below.
+    """
     if field.ndim != 2:
         raise ValueError(f"field must be 2-D to have contour lines, got {field.ndim}-D")
     if not len(lines):
@@ -118,7 +122,7 @@ def _tied_lines(
     follows = np.arange(1, sizes.sum() + 1)
     follows[np.cumsum(sizes) - 1] -= 1
     points = np.concatenate([line.points for line in lines])
-    return level_points(field, points, levels), follows[:-1]
+    return project(centred(field), from_origin(field, points), levels), follows[:-1]
 
 
 def surface_area(
@@ -184,7 +188,7 @@ def willmore(
     `surface_area`.
     """
     points, triangles, normals = _tied_mesh(field, vertices, triangles, level)
-    squared = field.mean_curvature(points, "extend") ** 2
+    squared = centred(field).mean_curvature(points, "extend") ** 2
     return jnp.sum(jnp.mean(squared[triangles], axis=1) * _norm(normals)) / 2
 
 
@@ -194,13 +198,14 @@ def _tied_mesh(
     """Vertices, triangles, and normals of twice their area, away from what is above the level."""
     if field.ndim != 3:
         raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D")
-    corners = np.asarray(triangles)
-    count = np.shape(vertices)[0]
+    corners, places = np.asarray(triangles), from_origin(field, vertices)
+    count = len(places)
     if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
         raise ValueError(f"triangles must have shape (m, 3) with m > 0, got {corners.shape}")
     if corners.min() < 0 or corners.max() >= count:
         raise ValueError(f"triangles must be numbers of the {count} vertices, got others")
-    points = level_points(field, vertices, level)
+    field = centred(field)
+    points = project(field, places, level)
     first, second, third = (points[corners[:, k]] for k in range(3))
     normals = jnp.cross(second - first, third - first)
     downhill = -field.gradient(jax.lax.stop_gradient((first + second + third) / 3), "extend")

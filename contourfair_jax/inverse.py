@@ -8,6 +8,7 @@ Data of several kinds combine: values at points, averages over boxes, contour li
 The result passes through nothing exactly; it weighs data by their sigma.
 """
 
+import dataclasses
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -64,7 +65,7 @@ class InverseFit(eqx.Module):
 
     field: BezierField
     residuals: tuple[Float[Array, "..."], ...]
-    points: tuple[Float[Array, "n ndim"] | None, ...]
+    points: tuple[Float[Array | np.ndarray, "n ndim"] | None, ...]
     search: Search
     problem: Problem = eqx.field(repr=False)
 
@@ -210,11 +211,14 @@ def fit_samples(
         )
     if not is_traced(found.converged):
         _warn(found)
+    counts = [count for _, count in prepared]
     sites = [getattr(misfit, "points", None) for misfit in misfits]
+    pairs = zip(sites, counts, strict=True)
     return InverseFit(
-        field,
-        tuple(each[:count] for each, (_, count) in zip(differences, prepared, strict=True)),
-        tuple(None if at is None else at[:n] for at, (_, n) in zip(sites, prepared, strict=True)),
+        # Outside of the compiled program the origin is as exact as it was given.
+        dataclasses.replace(field, spacing=extent.spacing, origin=extent.origin),
+        tuple(each[:count] for each, count in zip(differences, counts, strict=True)),
+        tuple(None if at is None else extent.absolute(at[:count]) for at, count in pairs),
         found,
         problem,
     )
@@ -263,12 +267,10 @@ def _extent(shape: Sequence[int], spacing: object, origin: object, dtype: object
             "dtype must be float32 while JAX computes in float32, got float64; "
             "call jax.config.update('jax_enable_x64', True) first"
         )
-    ndim = len(sizes)
-    return Extent(
-        sizes,
-        _check.check_per_axis(spacing, ndim, kind, "spacing", positive=True),
-        _check.check_per_axis(origin, ndim, kind, "origin"),
-    )
+    steps = _check.check_per_axis(spacing, len(sizes), "spacing", positive=True)
+    corner = _check.check_per_axis(origin, len(sizes), "origin")
+    with jax.ensure_compile_time_eval():  # known also inside `jax.jit`
+        return Extent(sizes, jnp.asarray(steps, kind), corner)
 
 
 def _checked(value: Any, default: type, kind: type, name: str) -> Any:

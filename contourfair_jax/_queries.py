@@ -1,0 +1,98 @@
+"""Derivatives of a field at physical coordinates."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._bezier import is_flat
+from ._jets import jets
+from ._precision import finest
+
+OUTSIDE = ("nan", "clamp", "extend")
+# Coordinates of the border may be rounded so many times, and still be inside.
+_ROUNDINGS = 4
+
+
+def partials(
+    net: Float[Array, "*net"],
+    spacing: Float[Array | np.ndarray, " ndim"],
+    origin: Float[Array | np.ndarray, " ndim"],
+    points: Float[Array | np.ndarray, "*batch ndim"],
+    outside: str,
+    order: int,
+) -> list[Float[Array, "*batch derivatives"]]:
+    """Partial derivatives of orders 0 to `order`."""
+    grid, cells, slack = _grid_coordinates(net, spacing, origin, points)
+    inside = jnp.all((grid >= -slack) & (grid <= cells + slack), axis=-1, keepdims=True)
+    # A NaN within would spoil derivatives of results that do not depend on it.
+    nowhere = jnp.any(jnp.isnan(grid), axis=-1, keepdims=True)
+    grid = jnp.where(nowhere, 0, grid)
+    if outside == "clamp":
+        # Not `clip`, which passes on half of a derivative at the limits.
+        grid = jnp.where(grid < 0, 0, jnp.where(grid > cells, cells, grid))
+    cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
+    local = cell.astype(jnp.int32), (grid - cell).astype(net.dtype)
+    results = jets(net, *(x.reshape(-1, net.ndim) for x in local), order)
+    lengths = jnp.asarray(spacing, net.dtype)
+    scaled = []
+    for n, values in enumerate(results):
+        values = values.reshape(*grid.shape[:-1], values.shape[-1])
+        values = values * _inverse_lengths(lengths, n, values.shape)
+        hidden = ~inside if outside == "nan" else nowhere
+        scaled.append(jnp.where(hidden, jnp.nan, values))
+    return scaled
+
+
+def mean_curvature(
+    value: Float[Array, "*batch"],
+    gradient: Float[Array, "*batch ndim"],
+    hessian: Float[Array, "*batch ndim ndim"],
+    spacing: Float[Array, " ndim"],
+) -> Float[Array, "*batch"]:
+    """Of the level sets: `tr(H P) / ((ndim - 1) |g|)` with `P = I - n n^T`."""
+    flat = is_flat(value, gradient, spacing)
+    # It does not depend on the scale of the values, but squares would leave their range.
+    size = jax.lax.stop_gradient(jnp.where(flat, 1, jnp.max(jnp.abs(gradient), axis=-1)))
+    unit, hessian = gradient / size[..., None], hessian / size[..., None, None]
+    squared = jnp.where(flat, 1, jnp.sum(unit * unit, axis=-1))
+    along = jnp.einsum("...a,...ab,...b->...", unit, hessian, unit, precision="highest")
+    trace = jnp.trace(hessian, axis1=-2, axis2=-1)
+    curvature = (trace - along / squared) / (jnp.sqrt(squared) * (len(spacing) - 1))
+    return jnp.where(flat, 0, curvature)
+
+
+def _grid_coordinates(
+    net: Array, spacing: Array | np.ndarray, origin: Array | np.ndarray, points: Array | np.ndarray
+) -> tuple[Array, Array, Array]:
+    """Points in units of the spacing from the first sample, cells, and what rounding may move.
+
+    In float64 on the host where all of it is known there.
+    """
+    kind = points.dtype if jnp.issubdtype(points.dtype, jnp.floating) else np.float64
+    numbers: list[Any] = [points, spacing, origin]
+    if any(isinstance(each, jax.Array) for each in numbers):
+        numbers = [jnp.broadcast_to(each, points.shape) for each in finest(*numbers)]
+    else:
+        numbers = [np.asarray(each, np.float64) for each in numbers]
+    at, step, first = numbers
+    grid, away = jnp.asarray((at - first) / step), jnp.asarray(abs(first / step))
+    count = jnp.array([(n - 1) // 3 for n in net.shape], grid.dtype)
+    cells = jnp.broadcast_to(count, grid.shape)
+    rounding = _ROUNDINGS * float(jnp.finfo(kind).eps)
+    return grid, cells, rounding * (jnp.broadcast_to(away, grid.shape) + cells)
+
+
+def _inverse_lengths(spacing: Float[Array, " ndim"], order: int, shape: tuple) -> Array:
+    """What turns derivatives per cell into derivatives per length, one for each derivative."""
+    inverse = 1 / spacing
+    if order == 0:
+        factors = jnp.ones((1,), spacing.dtype)
+    elif order == 1:
+        factors = inverse
+    else:
+        rows, columns = jnp.triu_indices(len(spacing))
+        factors = inverse[rows] * inverse[columns]
+    return jnp.broadcast_to(factors, shape)

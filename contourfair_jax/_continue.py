@@ -7,6 +7,7 @@ of higher degree make up for that; on noise they swing.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -15,6 +16,8 @@ from jaxtyping import Array, Bool, Float
 LAYERS = 2
 # Polynomials of higher degree swing too much.
 LARGEST_DEGREE = 5
+# Continued samples that noise moves by more than this part of the range tell nothing.
+LOUDEST = 0.1
 
 
 class Continued(NamedTuple):
@@ -30,8 +33,10 @@ def continue_samples(
     """Samples on a wider grid, axis by axis from the nearest `degree + 1` samples of each line.
 
     Lines with fewer samples near the border are not continued: NaN.  Variances are those of the
-    polynomials, for independent noise.
+    polynomials, for independent noise; where they are large, NaN too.
     """
+    known = jax.lax.stop_gradient(values)
+    loud = (LOUDEST * (jnp.nanmax(known) - jnp.nanmin(known))) ** 2
     for axis in range(values.ndim):
         values, variances = (jnp.moveaxis(array, axis, 0) for array in (values, variances))
         low, high = (_beyond(values[::step], variances[::step], degree) for step in (1, -1))
@@ -39,7 +44,8 @@ def continue_samples(
             jnp.moveaxis(jnp.concatenate([before[::-1], array, after]), 0, axis)
             for before, array, after in zip(low, (values, variances), high, strict=True)
         )
-    return Continued(values, variances)
+    inside = jnp.zeros(values.shape, bool).at[(slice(LAYERS, -LAYERS),) * values.ndim].set(True)
+    return Continued(jnp.where(inside | (variances <= loud), values, jnp.nan), variances)
 
 
 def _beyond(

@@ -1,7 +1,6 @@
 """Refinement of dask arrays: one task for each tile; chunks are those of the input, refined."""
 
 import itertools
-import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,27 +17,21 @@ from ._tiling import Tiling
 
 @dataclass(frozen=True)
 class _Task:
-    """What all tiles of an array share; every process compiles its program once."""
+    """What all tiles of an array share."""
 
-    token: str
     tiling: Tiling
     method: AbstractFairing
     spacing: tuple[float, ...]
     dtype: np.dtype
 
 
-_PROGRAMS: dict[str, Program] = {}
-
-
 def _refine(task: _Task, number: int, block: np.ndarray) -> np.ndarray:
-    if task.token not in _PROGRAMS:
-        _PROGRAMS.clear()
-        _PROGRAMS[task.token] = Program(task.method, task.spacing, task.dtype)
     tile = task.tiling.tile(number)
     samples = read_block(block, (slice(None),) * block.ndim, task.dtype)
     tiling = task.tiling
     check_gaps(task.method, samples, tile, tiling)
-    fine, _ = _PROGRAMS[task.token](samples, tile.offset, tiling.window, tiling.factor)
+    program = Program(task.method, task.spacing, task.dtype)
+    fine, _ = program(samples, tile.offset, tiling.window, tiling.factor)
     return fine[tile.cut]
 
 
@@ -55,7 +48,7 @@ def refine_lazily(
 
     halo, cells = overlap_of(method, samples.ndim, factor)
     tiling = Tiling(samples.shape, factor, cells, halo)
-    task = _Task(uuid.uuid4().hex, tiling, method, tuple(spacing), dtype)
+    task = _Task(tiling, method, tuple(spacing), dtype)
     parts = np.empty(tiling.counts, dtype=object)
     for tile in tiling:
         refine = delayed(partial(_refine, task, tile.number), traverse=False)

@@ -31,6 +31,17 @@ def first_stiffness(trust: Float[Array, "vertices_or_1"]) -> Float[Array, ""]:
     return 1 / jnp.maximum(jnp.max(trust), 1)
 
 
+def inner(
+    trust: Float[Array, "vertices_or_1"], shape: tuple[int, ...], layers: int
+) -> Float[Array, "vertices_or_1"]:
+    """That of the samples that are `layers` away from the border; the others do not count."""
+    if len(trust) == 1 or not layers:
+        return trust
+    inside = (slice(layers, -layers),) * len(shape)
+    trust = trust.reshape(shape)
+    return jnp.zeros_like(trust).at[inside].set(trust[inside]).ravel()
+
+
 def next_stiffness(
     stiffness: Float[Array, ""],
     trust: Float[Array, "vertices_or_1"],

@@ -75,7 +75,7 @@ def refine_sharded(
     method = LocalFairing() if method is None else method
     halo, cells = overlap_of(method, values.ndim, factor)
     tiling = Tiling(values.shape, int(factor), cells, halo)
-    method = settings_as_arrays(tile_method(method), values.dtype)
+    method = settings_as_arrays(tile_method(method.prepare(values)), values.dtype)
     return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))
 
 

@@ -96,10 +96,12 @@ _WORKERS: dict[str, Worker] = {}
 
 def run_tile(job: Job, number: int) -> Stored:
     """`Worker.run` in any process."""
-    if job.token not in _WORKERS:
+    worker = _WORKERS.get(job.token)
+    if worker is None:
+        worker = Worker(job)
         _WORKERS.clear()
-        _WORKERS[job.token] = Worker(job)
-    return _WORKERS[job.token].run(number)
+        _WORKERS[job.token] = worker
+    return worker.run(number)
 
 
 def run_all(

@@ -125,9 +125,7 @@ def tune(
     >>> cf.tune(ridge).sharpness
     2
     """
-    values = _check.check_samples(values)
-    steps = _check.check_per_axis(spacing, values.ndim, "spacing", positive=True)
-    spacing = jnp.asarray(steps, values.dtype)
+    values, steps = _checked(values, spacing)
     if isinstance(values, Tracer):
         raise ValueError("values must be known to choose settings; call tune outside jax.jit")
     known = ~jnp.isnan(values)
@@ -139,8 +137,8 @@ def tune(
     odd = jnp.asarray(_colours(values.shape) == 1)
     half = odd if 4 * int(jnp.sum(known & odd)) >= int(jnp.sum(known)) else ~odd
     few = _scattered(known)
-    on_half = functools.cache(lambda candidate: _errors(values, spacing, candidate, half))
-    on_few = functools.cache(lambda candidate: _errors(values, spacing, candidate, few))
+    on_half = functools.cache(lambda candidate: _errors(values, steps, candidate, half))
+    on_few = functools.cache(lambda candidate: _errors(values, steps, candidate, few))
     # Cross-validation does not see wide holes.  Tension is flat over them, and polynomials that
     # continue the samples beyond the border are far off behind them.
     gapless = bool(known.all())
@@ -155,8 +153,8 @@ def tune(
 
 def cross_validation_error(
     method: GlobalFairing,
-    values: Float[Array, "*shape"],
-    spacing: Float[Array, " ndim"],
+    values: ArrayLike,
+    spacing: ArrayLike | Sequence[float] = 1.0,
     colours: tuple[int, ...] = (0, 1),
 ) -> Float[Array, ""]:
     """Mean square error at the samples of either colour when the method is given the other.
@@ -167,16 +165,32 @@ def cross_validation_error(
         Differentiable in its real-valued settings.
     values : array, shape (n_1, ..., n_d)
         Samples; NaN is missing.
-    spacing : array, shape (ndim,)
+    spacing : float or sequence of ndim floats
     colours : tuple of int
         Colours that are dropped, one after the other.
+
+    Raises
+    ------
+    ValueError
+        As `fair_field`; also for a method that does not fill missing samples.
     """
+    values, steps = _checked(values, spacing)
+    if not isinstance(method, GlobalFairing):
+        raise ValueError(f"method must be GlobalFairing, which fills what is dropped, got {method}")
+    method = method.prepare(values)
     colour = jnp.asarray(_colours(values.shape))
     squares, judged = jax.lax.map(
-        lambda dropped: _held_back(method, values, spacing, colour == dropped),
+        lambda dropped: _held_back(method, values, steps, colour == dropped),
         jnp.asarray(colours),
     )
     return _mean(squares, judged)
+
+
+def _checked(values: ArrayLike, spacing: ArrayLike | Sequence[float]) -> tuple[Array, Array]:
+    """Samples, and their distances in the same precision."""
+    samples = _check.check_samples(values)
+    steps = _check.check_per_axis(spacing, samples.ndim, "spacing", positive=True)
+    return samples, jnp.asarray(steps, samples.dtype)
 
 
 def _held_back(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import jax
 import numpy as np
 
 from ._basis import bernstein
@@ -80,6 +81,11 @@ class AdaptiveField:
         if points.ndim < 1 or points.shape[-1] != ndim:
             raise ValueError(f"points must have shape (..., {ndim}), got {points.shape}")
         cells = ((points - self._origin) / self._spacing).reshape(-1, ndim)
+        # Rounding may take points of the border beyond it.
+        away = abs(self._origin / self._spacing) + self._tree.cells
+        border = np.clip(cells, 0, self._tree.cells)
+        near = abs(cells - border) <= 4 * np.finfo(float).eps * away
+        cells = np.where(near, border, cells)
         depth, number = self._tree.locate(cells)
         found = np.flatnonzero(number >= 0)
         leaf = self._first[depth[found]] + number[found]
@@ -134,7 +140,7 @@ def adaptive(
     >>> len(grid) < 0.5 * field.refine(8).size, grid.error <= 0.01
     (True, True)
     """
-    check_error(tolerance)
+    tolerance = check_error(tolerance)
     host = HostField.of(field)
     tree = whole(host.valid)
     while True:
@@ -189,13 +195,15 @@ def uniform_error(field: BezierField, depth: int) -> float:
     return float(_errors(host, tree.corners[depth], depth, values).max(initial=0.0))
 
 
-def check_error(tolerance: float) -> None:
-    """Raise ValueError unless the tolerance is a number above zero."""
-    known = isinstance(tolerance, int | float | np.number) and not isinstance(tolerance, bool)
+def check_error(tolerance: float | np.ndarray | jax.Array) -> float:
+    """The tolerance as a float; ValueError unless it is a number above zero."""
+    known = isinstance(tolerance, int | float | np.number | np.ndarray | jax.Array)
+    known = known and np.ndim(tolerance) == 0 and np.asarray(tolerance).dtype.kind in "fiu"
     if not known or not 0 < tolerance < np.inf:
         raise ValueError(
             f"tolerance must be above zero, in the units of the values, got {tolerance!r}"
         )
+    return float(tolerance)
 
 
 def _bits(ndim: int) -> np.ndarray:

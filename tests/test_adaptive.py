@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from splines import catmull_rom
 
+import contourfair_jax as cf
 from contourfair_jax._tree import balance, split, whole
 from contourfair_jax.adaptive import adaptive, uniform_error
 
@@ -190,6 +191,21 @@ def test_progress_is_told():
     grid = adaptive(bump(2), 1e-3, lambda done, total: told.append((done, total)))
     assert all(0 <= done <= total <= len(grid) for done, total in told)
     assert len(told) > 2
+
+
+def test_the_border_is_inside_far_from_zero():
+    x = np.arange(9.0)
+    origin = np.array([5_000_000.3, 499_999.9])
+    field = cf.fair_field(np.sin(x[:, None]) + x, spacing=0.7, origin=origin)
+    grid = field.adaptive(0.1)
+    corners = origin + 0.7 * np.array([[8, 8], [0, 8], [8, 0]])
+    np.testing.assert_allclose(grid(corners), field(corners), atol=1e-6)
+    assert np.isnan(grid(corners + 1e-4)).all()
+
+
+@pytest.mark.parametrize("number", [np.float32(0.25), jnp.float32(0.25), np.array(0.25)])
+def test_a_tolerance_may_be_any_scalar(number):
+    assert len(bump(2).adaptive(number)) == len(bump(2).adaptive(0.25))
 
 
 def test_bad_points():

@@ -506,6 +506,14 @@ def test_noise_is_met_and_removed(sigma, gain):
 
 
 @SLOW
+def test_samples_that_are_continued_beyond_the_border_do_not_count_as_noise():
+    _, values = noisy_field(0.05)
+    method = cf.GlobalFairing(sigma=0.05, iterations=20, border_degree=4)
+    samples = np.asarray(cf.fair_field(values, method=method).samples)
+    assert rms(samples - values) ** 2 / 0.05**2 == pytest.approx(1, abs=0.05)
+
+
+@SLOW
 def test_noise_that_varies():
     """Samples that are known better are followed more closely."""
     truth, _ = noisy_field(0)
@@ -569,6 +577,17 @@ def test_limiter(grid):
         ("thin_plate_weight", -0.1),
         ("thin_plate_weight", 1.5),
         ("thin_plate_weight", np.nan),
+        ("thin_plate_weight", None),
+        ("thin_plate_weight", "0.05"),
+        ("thin_plate_weight", [0.1, 0.2]),
+        ("thin_plate_weight", 1j),
+        ("coherence", "a"),
+        ("tension", None),
+        ("sigma", "a"),
+        ("converge", "a"),
+        ("tolerance", "a"),
+        ("limit", 3),
+        ("coarse_grids", "a"),
         ("coherence", -0.1),
         ("coherence", 3.0),
         ("sharpness", 0),

@@ -152,6 +152,11 @@ def test_bad_input(values, spacing, name):
         cf.tune(values, spacing=spacing)
 
 
+def test_a_method_that_fills_nothing_has_no_cross_validation_error():
+    with pytest.raises(ValueError, match="method must be GlobalFairing"):
+        cross_validation_error(cf.LocalFairing(), RIDGE)
+
+
 # Derivatives -----------------------------------------------------------------------------
 
 
@@ -189,7 +194,7 @@ def test_cross_validation_error_by_hand():
     for dropped in (0, 1):
         field = cf.fair_field(np.where(colour == dropped, np.nan, RIDGE), method=method)
         squares.extend(((np.asarray(field.samples) - RIDGE) ** 2)[colour == dropped])
-    ours = cross_validation_error(method, jnp.asarray(RIDGE), jnp.ones(2))
+    ours = cross_validation_error(method, RIDGE)
     assert float(ours) == pytest.approx(np.mean(squares), rel=1e-6)
 
 

@@ -268,6 +268,21 @@ def test_dask_chunks_are_kept_and_change_nothing(monkeypatch):
         xr.testing.assert_identical(*found)
 
 
+@pytest.mark.slow
+def test_members_of_a_batch_are_computed_side_by_side():
+    """More members than threads, which change places as often as they can."""
+    array = field(lat=np.linspace(60.0, 40.0, 6), lon=np.arange(7.0))
+    batch = xr.concat([k * array for k in range(1, 41)], "member").chunk(member=1)
+    often, method = sys.getswitchinterval(), cf.LocalFairing(iterations=0)
+    sys.setswitchinterval(1e-6)
+    try:
+        fine = batch.fair.upsample(2, dims=("lat", "lon"), method=method)
+        fine = fine.compute(scheduler="threads", num_workers=8)
+    finally:
+        sys.setswitchinterval(often)
+    np.testing.assert_array_equal(fine[:, ::2, ::2], batch)
+
+
 def test_dask_chunks_are_refused_where_points_are_wanted():
     pytest.importorskip("dask")
     with pytest.raises(ValueError, match=r"in dask chunks; call \.compute\(\) on it first"):

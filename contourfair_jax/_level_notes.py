@@ -1,4 +1,4 @@
-"""What is to be known about the levels of contours and bands."""
+"""What is to be known about the levels of contours, bands and isosurfaces."""
 
 import numpy as np
 
@@ -24,12 +24,17 @@ def level_notes(
             f"above another, which is too close to tell apart: {listed(left_out, '')}"
         )
     notes += _on_samples(kept, samples[np.isfinite(samples)], values.shift())
-    if values.shift() > max(_SMALL, _ROUNDINGS * values.precision) * values.spread > 0:
-        notes.append(
-            f"lines are up to {values.shift():.1g} above their levels, because the samples are "
-            "rounded to so few digits of their range; take a constant off them, or use float64"
-        )
-    return tuple(notes)
+    return (*notes, *rounding_note(values, "lines"))
+
+
+def rounding_note(values: Values, what: str) -> tuple[str, ...]:
+    """A note on rounding that moves lines or surfaces."""
+    if not values.shift() > max(_SMALL, _ROUNDINGS * values.precision) * values.spread > 0:
+        return ()
+    return (
+        f"{what} are up to {values.shift():.1g} above their levels, because the samples are "
+        "rounded to so few digits of their range; take a constant off them, or use float64",
+    )
 
 
 def _on_samples(levels: np.ndarray, samples: np.ndarray, near: float) -> list[str]:

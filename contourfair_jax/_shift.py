@@ -47,9 +47,9 @@ class Values:
         """Range of the samples."""
         return self.high - self.low
 
-    def shift(self, roundings: int = _ROUNDINGS) -> float:
-        """By how much levels are raised; more `roundings` where the middle is not taken off."""
-        return max(_PART * self.spread, roundings * self.rounding)
+    def shift(self) -> float:
+        """By how much levels are raised."""
+        return max(_PART * self.spread, _ROUNDINGS * self.rounding)
 
     def placed(self, levels: np.ndarray) -> np.ndarray:
         """The levels that are traced in the field less its middle."""

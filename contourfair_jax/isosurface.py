@@ -7,7 +7,7 @@ the roots of the field on their edges, and triangles are halved where their edge
 by more than the tolerance.  All work is in float64 on the host.
 
 As for contours, a plateau counts as below its own level: this is raised by `5e-10` of the range of
-the samples, or by 16 roundings of the largest sample where these are more.
+the samples, or by two roundings of the largest sample where these are more.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ import numpy as np
 from ._display import untold
 from ._field import BezierField
 from ._host import HostField, known
+from ._level_notes import rounding_note
 from ._shift import values_of
 from ._split import edges_of, split
 from ._surface import surface_of
@@ -157,8 +158,9 @@ def isosurface(
     tolerance = check_tolerance(tolerance)
     field = known(field)
     net = np.asarray(field.control_points)
-    traced = float(chosen[0]) + values_of(net).shift(16)
-    host = HostField(net.astype(np.float64))
+    values = values_of(net)
+    traced = float(values.placed(chosen)[0])
+    host = HostField(net.astype(np.float64) - values.middle)
     finite = np.abs(host.net[np.isfinite(host.net)])
     rounding = 32 * float(np.finfo(np.float64).eps) * float(finite.max(initial=0.0))
     surface, unproved = surface_of(
@@ -184,7 +186,10 @@ def isosurface(
         gaussian,
         unmet,
         unproved,
-        _notes(float(chosen[0]), len(vertices), unmet, unproved),
+        (
+            *_notes(float(chosen[0]), len(vertices), unmet, unproved),
+            *rounding_note(values, "surfaces"),
+        ),
     )
 
 

@@ -385,3 +385,15 @@ def test_isosurfaces_of_faired_real_volumes_are_watertight(shared_data):
             assert_manifold(mesh, field)
             seen += len(mesh.triangles) > 0
     assert seen >= 16
+
+
+def test_single_precision_far_from_zero_moves_the_surface_little_and_says_so():
+    x = np.linspace(-1.0, 1.0, 9)
+    ball = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
+    plate = cf.LocalFairing(iterations=0)
+    far = cf.fair_field(np.float32(10 * ball + 1e5), spacing=0.25, origin=-1.0, method=plate)
+    mesh = far.isosurface(6 + 1e5)
+    radii = np.linalg.norm(mesh.vertices, axis=1)
+    assert mesh.euler_characteristic == 2
+    np.testing.assert_allclose(radii, 0.6, atol=0.02)  # of a cell of 0.25
+    assert "take a constant off them, or use float64" in mesh.notes[0]

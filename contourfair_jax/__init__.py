@@ -4,6 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from . import adaptive as adaptive
+    from . import contours as contours
+    from . import export as export
+    from . import geometry as geometry
+    from . import inverse as inverse
+    from . import io as io
+    from . import isosurface as isosurface
+    from . import metrics as metrics
+    from . import plot as plot
+    from . import tiles as tiles
     from ._fair import fair_field as fair_field
     from ._field import BezierField as BezierField
     from ._global import GlobalFairing as GlobalFairing
@@ -19,8 +29,8 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# The module of every public name.  Modules are imported when a name of theirs is first used, so
-# that the command line answers `--help`, and files are read, without importing JAX.
+# The module of every public name.  Modules are imported when they or a name is first used, so that
+# the command line answers `--help`, and files are read, without importing JAX.
 _MODULE_OF = {
     "AbstractFairing": "_method",
     "AbstractSolver": "_solve",
@@ -35,6 +45,19 @@ _MODULE_OF = {
     "fair_field": "_fair",
     "tune": "_tune",
 }
+
+_MODULES = (
+    "adaptive",
+    "contours",
+    "export",
+    "geometry",
+    "inverse",
+    "io",
+    "isosurface",
+    "metrics",
+    "plot",
+    "tiles",
+)
 
 __all__ = [
     "LU",
@@ -53,6 +76,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f".{name}", __name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
@@ -61,4 +86,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULE_OF})
+    return sorted({*globals(), *_MODULE_OF, *_MODULES})

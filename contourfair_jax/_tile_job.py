@@ -14,7 +14,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from . import _check
+from . import __version__, _check
 from ._global import GlobalFairing
 from ._local import LocalFairing
 from ._method import AbstractFairing
@@ -199,7 +199,7 @@ def settings_of(job: Job, digest: str) -> dict[str, Any]:
         "filled gaps": job.fill,
         "stored type": None if job.store is None else job.store.dtype.name,
         "tile": [job.tiling.cells, job.tiling.halo],
-        "version of contourfair-jax": version("contourfair-jax"),
+        "version of contourfair-jax": __version__,
         "version of jax": version("jax"),
         "content of the input": digest,
     }

@@ -56,10 +56,17 @@ def test_every_public_name_comes_from_its_module():
         assert getattr(cf, name) is getattr(import_module(f"contourfair_jax.{home}"), name)
 
 
+@pytest.mark.parametrize("name", cf._MODULES)
+def test_public_modules_are_attributes(name):
+    assert name in dir(cf)
+    assert getattr(cf, name).__name__ == f"contourfair_jax.{name}"
+
+
 def test_type_checkers_see_the_same_names():
     lines = Path(cf.__file__).read_text().splitlines()
     seen = {line.split(" as ")[1]: line.split()[1] for line in lines if line.startswith("    from")}
-    assert seen == {name: f".{home}" for name, home in cf._MODULE_OF.items()}
+    modules = dict.fromkeys(cf._MODULES, ".")
+    assert seen == {name: f".{home}" for name, home in cf._MODULE_OF.items()} | modules
 
 
 def test_an_unknown_name_is_an_attribute_error():

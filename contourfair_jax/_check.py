@@ -26,7 +26,7 @@ def check_samples(values: object, name: str = "values") -> Array:
     ValueError
         For another rank, a short axis, or a dtype that is not real.
     """
-    array = values if isinstance(values, jax.Array) else _unmasked(values)
+    array = values if isinstance(values, jax.Array) else _unmasked(values, name)
     dtype = np.dtype(array.dtype)
     if dtype.kind not in "fiub" and not jnp.issubdtype(dtype, jnp.floating):
         raise ValueError(
@@ -56,10 +56,10 @@ def check_samples(values: object, name: str = "values") -> Array:
     return jnp.where(jnp.isinf(array), jnp.nan, array)
 
 
-def _unmasked(values: object) -> np.ndarray:
+def _unmasked(values: object, name: str) -> np.ndarray:
     """As a plain array, NaN in the place of what is masked."""
     if not isinstance(values, np.ma.MaskedArray) or not np.ma.is_masked(values):
-        return np.asarray(values)
+        return _as_numpy(values, name)
     floats = values if values.dtype.kind == "f" else values.astype(float)
     return np.ma.filled(floats, np.nan)
 
@@ -88,7 +88,7 @@ def check_per_axis(
     """
     if isinstance(value, Sequence) and any(isinstance(item, Tracer) for item in value):
         value = jnp.stack(jnp.broadcast_arrays(*jax.tree.map(_as_float, list(value))))
-    array = value if isinstance(value, jax.Array) else np.asarray(value)
+    array = value if isinstance(value, jax.Array) else _as_numpy(value, name)
     if array.dtype.kind not in "fiu" or array.shape not in ((), (ndim,)):
         raise ValueError(
             f"{name} must be one real number or {ndim} of them, one per axis, got {describe(value)}"
@@ -109,6 +109,17 @@ def check_per_axis(
     return known
 
 
+def _as_numpy(value: object, name: str) -> np.ndarray:
+    """As an array; ValueError for lists whose rows differ in length."""
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise ValueError(
+            f"{name} must be an array of numbers, got {describe(value)}; "
+            "make all rows of a list equally long"
+        ) from None
+
+
 def _as_float(number: ArrayLike) -> Array:
     """In its own precision, or the default one of an integer."""
     dtype = jnp.result_type(number)
@@ -123,7 +134,7 @@ def check_points(points: object, ndim: int) -> Float[np.ndarray | Array, "*batch
     ValueError
         For a last axis of another length or numbers that are not real.
     """
-    array = points if isinstance(points, jax.Array) else np.asarray(points)
+    array = points if isinstance(points, jax.Array) else _as_numpy(points, "points")
     real = array.dtype.kind in "iu" or jnp.issubdtype(array.dtype, jnp.floating)
     if not real or array.ndim == 0 or array.shape[-1] != ndim:
         raise ValueError(
@@ -167,7 +178,7 @@ def check_real(
         return
     if _is_placeholder(value):
         return
-    array = np.asarray(value)
+    array = _as_numpy(value, name)
     low = "above" if open_below else "at least"
     limits = f"{low} {least:g}" + ("" if most == np.inf else f" and at most {most:g}")
     bad = array.shape != () or array.dtype.kind not in "fiu" or not np.isfinite(array)
@@ -179,7 +190,7 @@ def check_positive(value: object, name: str) -> None:
     """Raise ValueError unless `value` is None, traced, or real numbers above zero."""
     if value is None or isinstance(value, Tracer) or _is_placeholder(value):
         return
-    array = np.asarray(value)
+    array = _as_numpy(value, name)
     if array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)) or not np.all(array > 0):
         raise ValueError(f"{name} must hold finite numbers above zero, got {describe(value)}")
 

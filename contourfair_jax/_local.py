@@ -24,6 +24,8 @@ from ._xla import matmul
 # Least number of vertices that are worked on together: what is done for them is vector operations
 # as long as their number, too slow when they are short.
 LEAST_BATCH = 128
+# Points per cell and axis, at most: more are no more accurate, and their tables grow large.
+MOST_POINTS = 32
 # Batches are multiples of this many vertices, so that every row begins with a line of the cache.
 ALIGNED = 16
 
@@ -44,7 +46,7 @@ class LocalFairing(AbstractFairing):
     iterations : int
         How often the normals are renewed after the first, thin plate fit; 0 is thin plate alone.
     quadrature_order : int
-        Gauss-Legendre points per cell and axis, at least 2; 3 or 4 is accurate.
+        Gauss-Legendre points per cell and axis, 2 to 32; 3 or 4 is accurate.
     solver : AbstractSolver
         `Cholesky()`, `LU()` or `LeastSquares()`: the same minimum to rounding.
 
@@ -75,7 +77,7 @@ class LocalFairing(AbstractFairing):
     def __check_init__(self):
         _check.check_real(self.thin_plate_weight, "thin_plate_weight", most=1.0, open_below=True)
         _check.check_count(self.iterations, 0, "iterations")
-        _check.check_count(self.quadrature_order, 2, "quadrature_order")
+        _check.check_count(self.quadrature_order, 2, "quadrature_order", most=MOST_POINTS)
         if not isinstance(self.solver, AbstractSolver):
             raise ValueError(
                 f"solver must be a solver object such as Cholesky() or LU(), got {self.solver!r}"

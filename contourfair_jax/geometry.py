@@ -172,8 +172,8 @@ def volume(
     >>> def loss(samples, vertices, triangles):
     ...     return geometry.volume(cf.fair_field(samples), vertices, triangles, 0.5)
     """
-    _check_closed(np.asarray(triangles))
     points, triangles, normals = _tied_mesh(field, vertices, triangles, level)
+    _check_closed(triangles)
     points = points - jax.lax.stop_gradient(jnp.mean(points, axis=0, keepdims=True))
     centres = jnp.mean(points[triangles], axis=1)
     return jnp.sum(centres * normals) / 6
@@ -202,6 +202,8 @@ def _tied_mesh(
     count = len(places)
     if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
         raise ValueError(f"triangles must have shape (m, 3) with m > 0, got {corners.shape}")
+    if corners.dtype.kind not in "iu":
+        raise ValueError(f"triangles must be whole numbers of vertices, got {corners.dtype}")
     if corners.min() < 0 or corners.max() >= count:
         raise ValueError(f"triangles must be numbers of the {count} vertices, got others")
     field = centred(field)

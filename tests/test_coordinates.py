@@ -124,6 +124,15 @@ def test_masked_whole_numbers():
     np.testing.assert_array_equal(np.isnan(samples), values.mask)
 
 
+def test_rows_of_different_lengths_are_refused_by_name(hill):
+    with pytest.raises(ValueError, match=r"^values must be an array of numbers, got \[\[1"):
+        cf.fair_field([[1.0, 2.0, 3.0], [1.0, 2.0], [1.0]])
+    with pytest.raises(ValueError, match=r"^points must be an array of numbers"):
+        cf.fair_field(hill, method=PLATE)([[1.0, 2.0], [3.0]])
+    with pytest.raises(ValueError, match=r"^spacing must be an array of numbers"):
+        cf.fair_field(hill, spacing=[1.0, [2.0, 3.0]])
+
+
 @pytest.mark.parametrize(("spacing", "origin"), [(1e-46, 0.0), (1e300, 0.0), (1.0, 1e300)])
 def test_what_does_not_fit_into_float32_is_refused(spacing, origin, hill):
     with pytest.raises(ValueError, match=r"must be finite.*in float32 too"):

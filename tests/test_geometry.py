@@ -251,6 +251,10 @@ def test_bad_input(disk, ball):
         geometry.volume(solid, vertices, triangles[1:], LEVEL)
     with pytest.raises(ValueError, match=r"triangles must have shape \(m, 3\)"):
         geometry.surface_area(solid, vertices, triangles[:, :2], LEVEL)
+    with pytest.raises(ValueError, match=r"triangles must have shape \(m, 3\)"):
+        geometry.volume(solid, vertices, triangles[:, :2], LEVEL)
+    with pytest.raises(ValueError, match="triangles must be whole numbers"):
+        geometry.volume(solid, vertices, triangles * 1.0, LEVEL)
     with pytest.raises(ValueError, match="numbers of the"):
         geometry.surface_area(solid, vertices[:5], triangles, LEVEL)
     with pytest.raises(ValueError, match="steps"):

@@ -107,8 +107,8 @@ def dataset_from_grid(grid: Grid) -> xr.Dataset:
             own["sample_spacing"] = np.array(grid.spacing)
     elif set(grid.spacing) != {1.0} or any(grid.origin):
         own |= {"sample_spacing": np.array(grid.spacing), "sample_origin": np.array(grid.origin)}
-    texts = {name.replace("/", "_"): text for name, text in grid.metadata.items()}
-    name = texts.pop("name", "data").replace("/", "_")
+    texts = {name.replace("/", "_"): text for name, text in grid.metadata.items() if name}
+    name = (texts.pop("name", "") or "data").replace("/", "_")
     mapping = texts.pop("grid_mapping", None)
     title = texts.pop("title", None)
     whole = _prefixed(texts, _GLOBAL)

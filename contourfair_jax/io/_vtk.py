@@ -20,6 +20,7 @@ from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLImageDataWriter
 
 from ._errors import InputError
 from ._grid import Grid
+from ._header import single_line
 from ._key import parse_key
 from ._limits import check_memory, describe_bytes
 from ._volume import SPATIAL, not_kept, select, to_store, to_xyz, volume_grid, zyx
@@ -42,6 +43,7 @@ _LEGACY_TYPES = {
 # Where the size stands in a legacy file; the first bytes are looked through for it.
 _DIMENSIONS = re.compile(rb"^\s*DIMENSIONS\s+(\d{1,18})\s+(\d{1,18})\s+(\d{1,18})\s", re.I | re.M)
 _HEAD = 2**16
+_TITLE_BYTES = 250  # of a legacy file, whose lines may have 256
 _TEXTS = ("units", "crs", "nodata", "metadata")
 
 
@@ -114,9 +116,9 @@ def write_legacy(path: Path, grid: Grid) -> tuple[str, ...]:
     down = tuple(np.flatnonzero(np.diag(linear) < 0).tolist())
     first = affine[:3, 3] + linear @ ((np.array(volume.shape) - 1) * np.isin(range(3), down))
     volume = np.flip(volume, down)
-    name = re.sub(r"\s+", "_", grid.metadata.get("name", "data"))
+    name = re.sub(r"\s+", "_", single_line(grid.metadata.get("name", "")) or "data")
     header = f"""# vtk DataFile Version 3.0
-{grid.metadata.get("title", "samples")[:250]}
+{single_line(grid.metadata.get("title", ""), _TITLE_BYTES) or "samples"}
 BINARY
 DATASET STRUCTURED_POINTS
 DIMENSIONS {_numbers(volume.shape)}
@@ -252,7 +254,7 @@ def _image(grid: Grid) -> tuple[vtkImageData, tuple[str, ...]]:
     image.SetOrigin(*affine[:3, 3])
     image.SetDirectionMatrix(*(affine[:3, :3] / steps).ravel())
     array = numpy_to_vtk(volume.ravel(order="F"), deep=True)
-    array.SetName(grid.metadata.get("name", "data"))
+    array.SetName(grid.metadata.get("name") or "data")
     image.GetPointData().SetScalars(array)
     texts = {
         "units": grid.units,

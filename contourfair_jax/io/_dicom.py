@@ -24,6 +24,8 @@ _KEPT = {"Modality": "modality", "SeriesDescription": "description", "BodyPartEx
 # Where files of many frames keep what others have at their top.
 _GROUP = {
     "PixelSpacing": "PixelMeasuresSequence",
+    "SliceThickness": "PixelMeasuresSequence",
+    "SpacingBetweenSlices": "PixelMeasuresSequence",
     "ImageOrientationPatient": "PlaneOrientationSequence",
     "ImagePositionPatient": "PlanePositionSequence",
     "RescaleSlope": "PixelValueTransformationSequence",
@@ -143,8 +145,10 @@ def _grid(
         order = np.argsort(positions @ affine[:3, 2], kind="stable")
         values, positions = values[order], positions[order]
         affine[:3, 3] = positions[0]
-        if len(positions) > 1:
-            affine[:3, 2] = _step(positions)
+    if positions is not None and len(positions) > 1:
+        affine[:3, 2] = _step(positions)
+    else:
+        affine[:3, 2] *= _thickness(image)
     metadata = {new: str(image.get(old) or "") for old, new in _KEPT.items()}
     metadata |= {"space": LPS if positions is not None else "", "space units": "mm"}
     kind = str(_look(image, "RescaleType", 0, image.get("DoseUnits") or ""))
@@ -199,6 +203,13 @@ def _spacing(image: Dataset) -> tuple[float, float]:
     given = _look(image, "PixelSpacing", 0, image.get("ImagerPixelSpacing") or (1, 1))
     row_step, column_step = (float(step) for step in given)
     return row_step, column_step
+
+
+def _thickness(image: Dataset) -> float:
+    """The distance between slices, or else how thick one is; 1 where the file says neither."""
+    found = [_look(image, name, 0, None) for name in ("SpacingBetweenSlices", "SliceThickness")]
+    known = [abs(float(each)) for each in found if each is not None]
+    return next((each for each in known if each and np.isfinite(each)), 1.0)
 
 
 def _look(image: Dataset, name: str, frame: int, default: Any) -> Any:

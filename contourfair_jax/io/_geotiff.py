@@ -23,6 +23,7 @@ from ._geometry import is_skewed, spacing_of
 from ._grid import Grid, exact_float
 from ._limits import check_memory
 from ._missing import mark_missing, numeric, restore_nodata
+from ._slice import SLICE
 
 _TILE_FROM = 1024
 # So many bands are named in messages.
@@ -127,6 +128,8 @@ def write_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
         profile["transform"] = corner_transform(grid.affine)
         if not np.allclose(spacing_of(grid.affine), grid.spacing, rtol=1e-6):
             notes += ("a GeoTIFF keeps the steps of its coordinates, not the metric spacing",)
+    if SLICE in grid.metadata:
+        notes += ("a GeoTIFF keeps where the slice of a volume lies as text only",)
     if grid.crs is not None:
         profile["crs"] = _crs(grid.crs)
     colours = tuple(each.metadata.get(_COLOUR, "undefined") for each in grids)

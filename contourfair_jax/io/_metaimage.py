@@ -11,6 +11,7 @@ from ._errors import InputError
 from ._grid import Grid
 from ._header import header_lines
 from ._limits import check_memory
+from ._slice import without_place
 from ._volume import LPS, in_space, select, to_store, to_xyz, volume_grid, zyx
 
 _IMAGE = "MetaImageIO"
@@ -74,7 +75,8 @@ def _write(path: Path, grid: Grid, compressed: bool) -> tuple[str, ...]:
     image.SetSpacing(steps.tolist())
     image.SetOrigin(affine[:3, 3].tolist())
     image.SetDirection((affine[:3, :3] / steps).ravel().tolist())
-    texts = {"units": grid.units, "crs": grid.crs, "nodata": nodata, **grid.metadata}
+    texts = {"units": grid.units, "crs": grid.crs, "nodata": nodata}
+    texts |= without_place(grid.metadata)
     lines = header_lines(texts, _LONGEST)
     if lines != header_lines(texts):
         notes += (f"texts are cut to {_LONGEST} bytes, more than which MetaImage readers refuse",)

@@ -18,6 +18,7 @@ from ._errors import InputError
 from ._grid import Grid
 from ._header import header_lines, single_line
 from ._limits import check_memory, describe_bytes
+from ._slice import without_place
 from ._volume import SPATIAL, canonical_space, select, to_store, to_xyz, volume_grid, zyx
 
 # Kinds of axes along which space or the domain extends.
@@ -90,7 +91,7 @@ def _write(path: Path, grid: Grid, encoding: str) -> tuple[str, ...]:
     volume, affine, notes = to_xyz(grid, stored)
     space = grid.metadata.get("space", "")
     own = {"sample units": grid.units, "crs": grid.crs, "nodata": nodata}
-    texts = header_lines(grid.metadata)
+    texts = header_lines(without_place(grid.metadata))
     texts = {name: text for name, text in texts.items() if name not in _DECODED}
     texts |= header_lines(own)
     plain = {_ascii(name): _ascii(text) for name, text in texts.items()}

@@ -159,10 +159,8 @@ def _write_band_geojson(path: str | os.PathLike[str], bands: Sequence[Band], gri
 
 
 def _feature(band: Band, grid: Grid) -> dict[str, Any]:
-    coordinates = [
-        [[[float(f"{c:.12g}") for c in point] for point in ring.tolist()] for ring in rings]
-        for rings in _world_polygons(band, grid)
-    ]
+    # All digits: rounding folds slivers, so that rings cross themselves.
+    coordinates = [[ring.tolist() for ring in rings] for rings in _world_polygons(band, grid)]
     return {
         "type": "Feature",
         "properties": _limits(band),

@@ -102,7 +102,7 @@ def _feature(line: ContourLine, grid: Grid) -> dict[str, object]:
         "properties": {"level": float(f"{line.level:.12g}"), "closed": line.closed},
         "geometry": {
             "type": "LineString",
-            "coordinates": [[float(f"{x:.12g}"), float(f"{y:.12g}")] for x, y in xy.tolist()],
+            "coordinates": xy.tolist(),
         },
     }
 

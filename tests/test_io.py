@@ -15,6 +15,7 @@ from file_helpers import inside  # noqa: F401
 from PIL import Image
 from rasterio.transform import Affine
 
+from contourfair_jax import export
 from contourfair_jax.io import (
     FORMATS,
     ContourLine,
@@ -844,11 +845,22 @@ def test_geojson_is_in_world_coordinates_x_first(tmp_path):
             True,
         ),
         ('LOCAL_CS["site"]', 'LOCAL_CS["site"]', True),
+        (" epsg:4326\n", None, False),
+        ("urn:ogc:def:crs:EPSG::4326", None, False),
+        ("urn:ogc:def:crs:EPSG:9.8:4326", None, False),
+        ("http://www.opengis.net/def/crs/EPSG/0/4326", None, False),
+        ("OGC:CRS84", None, False),
+        ("urn:ogc:def:crs:OGC:1.3:CRS84", None, False),
+        (rasterio.crs.CRS.from_user_input("OGC:CRS84").to_wkt(version="WKT2_2019"), None, False),
+        ("urn:ogc:def:crs:EPSG::32725", "urn:ogc:def:crs:EPSG::32725", True),
+        ("epsg:14326", "urn:ogc:def:crs:EPSG::14326", True),
+        ("ESRI:4326", "ESRI:4326", True),
     ],
 )
-def test_geojson_names_the_crs(tmp_path, crs, member, told):
+@pytest.mark.parametrize("store", [write_geojson, export.write_bands], ids=["lines", "bands"])
+def test_geojson_names_the_crs(tmp_path, crs, member, told, store):
     grid = Grid(terrain(), affine=NORTH_UP, crs=crs)
-    notes = write_geojson(tmp_path / "lines.geojson", [], grid)
+    notes = store(tmp_path / "lines.geojson", [], grid)
     stored = json.loads((tmp_path / "lines.geojson").read_text())
     assert stored["features"] == []
     assert stored.get("crs", {}).get("properties", {}).get("name") == member

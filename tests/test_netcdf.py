@@ -254,8 +254,8 @@ def test_coordinates_say_what_their_reference_system_makes_of_them(tmp_path, suf
     affine = np.array([[-30.0, 0.0, 60.0], [0.0, 20.0, 4.0], [0.0, 0.0, 1.0]])
     grid = Grid(samples(shape=(4, 6)), affine=affine, crs=crs, metadata={"name": "t"})
     write(tmp_path / f"a{suffix}", grid)
-    engine, how = ("h5netcdf", {}) if suffix == ".nc" else ("zarr", {"consolidated": False})
-    with xr.open_dataset(tmp_path / f"a{suffix}", engine=engine, **how) as data:
+    engine = "h5netcdf" if suffix == ".nc" else "zarr"
+    with xr.open_dataset(tmp_path / f"a{suffix}", engine=engine) as data:
         assert data.x.attrs.get("units") == units
         if name:
             assert data.x.attrs["standard_name"] == name
@@ -304,7 +304,7 @@ def test_attributes_of_the_whole_data_set_are_kept(tmp_path, suffix):
     opened = (
         xr.open_dataset(tmp_path / "again.nc", engine="h5netcdf")
         if suffix == ".nc"
-        else xr.open_zarr(tmp_path / "again.zarr", consolidated=False, chunks=None)
+        else xr.open_zarr(tmp_path / "again.zarr", chunks=None)
     )
     with opened as again:
         kept = {"title": "a map", "institution": "the sea", "levels": "3"}
@@ -338,7 +338,7 @@ def test_xarray_reads_what_is_written(tmp_path):
     write(tmp_path / "a.zarr", grid)
     for data in (
         xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf"),
-        xr.open_zarr(tmp_path / "a.zarr", consolidated=False, chunks=None),
+        xr.open_zarr(tmp_path / "a.zarr", chunks=None),
     ):
         with data:
             np.testing.assert_array_equal(data.t, field())
@@ -383,6 +383,15 @@ def test_a_plain_array(tmp_path, version):
     np.testing.assert_array_equal(read(tmp_path / "a.zarr", f"{axis}=2").values, samples("i2")[2])
     with pytest.raises(InputError, match="no 'data' to choose"):
         read(tmp_path / "a.zarr", "data")
+
+
+def test_an_array_of_four_axes_without_names_has_the_spatial_ones_last(tmp_path):
+    array = zarr.create_array(tmp_path / "a.zarr", shape=(2, 4, 5, 6), dtype="f4")
+    array[:] = samples(shape=(2, 4, 5, 6))
+    grid = read(tmp_path / "a.zarr", "axis0=1")
+    assert grid.axes == ("z", "y", "x")
+    np.testing.assert_array_equal(grid.values, array[1])
+    assert read_outline(tmp_path / "a.zarr", None)[0].axes == ("axis0", "z", "y", "x")
 
 
 @pytest.mark.parametrize("consolidated", [True, False])

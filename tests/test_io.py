@@ -629,6 +629,24 @@ def test_bad_files_end_in_one_line(tmp_path, name):
     assert str(caught.value).startswith(str(tmp_path / name))
 
 
+@pytest.mark.parametrize("name", ["geo.tif", "plain.tif", "plain.png"])
+def test_pictures_that_are_cut_short_are_said_to_be(tmp_path, rng, name):
+    path = tmp_path / name
+    values = rng.integers(0, 255, (60, 70), np.uint8)
+    if name == "geo.tif":  # as other programs write it: what it holds first, then the samples
+        size = {"height": 60, "width": 70, "count": 1, "dtype": "uint8"}
+        place = Affine(20.0, 0.0, 4e5, 0.0, -30.0, 5e6)
+        with rasterio.open(path, "w", "GTiff", **size, crs=UTM, transform=place) as target:
+            target.write(values, 1)
+    else:
+        Image.fromarray(values).save(path)
+    assert read(path).shape == (60, 70)
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(InputError, match=r"is damaged or cut short \(\S.*\)$") as caught:
+        read(path)
+    assert "previous" not in str(caught.value)
+
+
 def read_or_message(path) -> Grid | str:
     try:
         return read(path)

@@ -549,6 +549,11 @@ def test_a_folder_of_slices_is_a_volume(tmp_path):
     (tmp_path / "scan").mkdir()
     (tmp_path / "scan" / "readme.txt").write_text("not an image")
     grid = read(slices(tmp_path / "scan", UP))
+    (note,) = grid.notes
+    assert note.startswith("5 files, ")
+    assert note.endswith(" are read; other files in the folder are left out: 1")
+    (tmp_path / "scan" / "readme.txt").unlink()
+    assert read(tmp_path / "scan").notes == ()
     assert grid.shape == (5, 128, 128)
     assert (grid.values[:, 0, 0] + 1024).tolist() == [1, 3, 4, 0, 2]
     np.testing.assert_allclose(grid.world(np.array(grid.origin)), [5.0, -20.0, -10.0])
@@ -557,6 +562,14 @@ def test_a_folder_of_slices_is_a_volume(tmp_path):
     assert grid.metadata["space"] == LPS
     assert not any("CompressedSamples" in text for text in grid.metadata.values())
     np.testing.assert_array_equal(read(tmp_path / "scan", "z=1").values, grid.values[1])
+
+
+def test_the_only_slice_in_a_folder_of_other_files_is_named(tmp_path):
+    (file,) = slices(tmp_path / "scan", UP[:1]).iterdir()
+    for name in ("a.png", "b.nii"):
+        (tmp_path / "scan" / name).write_bytes(b"no slice")
+    said = f"{file.name} alone is read; other files in the folder are left out: 2"
+    assert read(tmp_path / "scan").notes == (said,)
 
 
 def test_itk_places_the_series_alike(tmp_path):

@@ -4,6 +4,7 @@ Names and numbers of patients are left out of the metadata.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +52,14 @@ def read_series(path: Path, key: str | None) -> Grid:
     if "=" in name:
         name, rest = "", key or ""
     files = _choose(_series(path), name)
+    grid = _read_files(files, rest or None)
+    return replace(grid, notes=_left_out(path, files) + grid.notes)
+
+
+def _read_files(files: list[Path], key: str | None) -> Grid:
+    """One file, or one slice from each of several."""
     if len(files) == 1:
-        return read(files[0], rest or None)
+        return read(files[0], key)
     heads = [pydicom.dcmread(file, stop_before_pixels=True) for file in files]
     first, positions = heads[0], np.array([_position(head, 0) for head in heads], np.float64)
     shape = (len(files), first.Rows, first.Columns)
@@ -65,7 +72,18 @@ def read_series(path: Path, key: str | None) -> Grid:
     slices = [_samples(pydicom.dcmread(file)) for file in files]
     if any(len(each) != 1 for each in slices):
         raise InputError("is a series of volumes; read them one by one")
-    return _grid(first, np.concatenate(slices), positions, select(rest or None, SPATIAL, shape))
+    return _grid(first, np.concatenate(slices), positions, select(key, SPATIAL, shape))
+
+
+def _left_out(folder: Path, files: list[Path]) -> tuple[str, ...]:
+    """A note of what is read where that is not all that is in the folder."""
+    others = sum(each.is_file() for each in folder.iterdir()) - len(files)
+    if not others:
+        return ()
+    names = f"{files[0].name} alone is"
+    if len(files) > 1:
+        names = f"{len(files)} files, {files[0].name} to {files[-1].name}, are"
+    return (f"{names} read; other files in the folder are left out: {others}",)
 
 
 def _series(folder: Path) -> dict[str, tuple[str, list[Path]]]:

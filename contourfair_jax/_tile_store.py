@@ -110,6 +110,10 @@ class ZarrStore:
             zarr_format=3,
             config={"write_empty_chunks": True},
         )
+        if self.member is not None:
+            from .io._zarr import consolidate
+
+            consolidate(self.path)  # later there are only new samples
 
     def open(self) -> "ZarrWriter":
         """A writer of regions."""

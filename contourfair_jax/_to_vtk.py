@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._single import merged
 from .io import Grid, InputError, MissingPackageError, replacing
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ def _turn(grid: Grid) -> np.ndarray:
     return (ends[1:] - ends[0]).T
 
 
-def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
+def triangle_mesh(mesh: Isosurface, grid: Grid | None = None, single: bool = False) -> vtkPolyData:
     """The mesh with normals and curvatures as point data.
 
     Parameters
@@ -116,6 +117,8 @@ def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
     grid : Grid
         Whose samples the field was made from: positions and normals are then in world coordinates,
         x first.  By default they are in those of the field.
+    single : bool
+        Whether triangles are left out whose corners are not apart in single precision.
     """
     model, support = _modules("vtkCommonDataModel"), _modules("util.numpy_support")
     vertices, normals, triangles = mesh.vertices, mesh.normals, mesh.triangles
@@ -125,8 +128,11 @@ def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
         normals = normals @ np.linalg.inv(turn)
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         triangles = triangles[:, ::-1] if np.linalg.det(turn) < 0 else triangles
+    kept: Any = slice(None)
+    if single:
+        kept, triangles = merged(vertices, triangles)
     data = model.vtkPolyData()
-    data.SetPoints(_points(np.ascontiguousarray(vertices)))
+    data.SetPoints(_points(np.ascontiguousarray(vertices[kept])))
     array = model.vtkCellArray()
     offsets = np.arange(len(triangles) + 1) * 3
     corners = np.ascontiguousarray(triangles, dtype=np.int64).ravel()
@@ -137,7 +143,7 @@ def triangle_mesh(mesh: Isosurface, grid: Grid | None = None) -> vtkPolyData:
         "mean_curvature": mesh.mean_curvature,
         "gaussian_curvature": mesh.gaussian_curvature,
     }.items():
-        column = support.numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        column = support.numpy_to_vtk(np.ascontiguousarray(values[kept]), deep=True)
         column.SetName(name)
         data.GetPointData().AddArray(column)
     data.GetPointData().SetActiveNormals("normals")
@@ -177,14 +183,19 @@ def write_mesh(
     writer = getattr(_modules(module), name)()
     if hasattr(writer, "SetFileTypeToBinary"):
         writer.SetFileTypeToBinary()
-    data = triangle_mesh(mesh, grid)
+    data = triangle_mesh(mesh, grid, single)
+    notes: tuple[str, ...] = ()
     if single:
+        notes = ("positions are rounded to 7 digits, as the format has float32",)
+        gone = len(mesh.triangles) - data.GetNumberOfPolys()
+        if gone:
+            notes += (f"triangles left out, as this rounds their corners to one: {gone}",)
         # The writer of .ply leaves out float64 normals.
         support = _modules("util.numpy_support")
         normals = support.vtk_to_numpy(data.GetPointData().GetNormals()).astype(np.float32)
         data.GetPointData().SetNormals(support.numpy_to_vtk(normals, deep=True))
     _write(path, writer, data)
-    return ("positions are rounded to 7 digits, as the format has float32",) if single else ()
+    return notes
 
 
 def write_leaves(

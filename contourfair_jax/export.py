@@ -22,7 +22,7 @@ from ._to_vtk import write_mesh as write_mesh
 from .contours import Band
 from .io import ContourLine, Grid, InputError, MissingPackageError, replacing, write_geojson
 from .io import write_svg as write_svg
-from .io._lines import crs_name
+from .io._lines import NO_CRS, feature_collection
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from ._field import BezierField
 
 Notes = tuple[str, ...]
-_NO_CRS = "the source names no coordinate reference system; the file has none either"
 
 
 def grid_of(field: BezierField, crs: str | None = None) -> Grid:
@@ -144,14 +143,7 @@ def _write_svg(path: str | os.PathLike[str], lines: Sequence[ContourLine], grid:
 
 
 def _write_band_geojson(path: str | os.PathLike[str], bands: Sequence[Band], grid: Grid) -> Notes:
-    collection: dict[str, Any] = {"type": "FeatureCollection"}
-    name = crs_name(grid.crs) if grid.crs else ""
-    notes: Notes = ()
-    if not name:
-        notes = (_NO_CRS,)
-    elif not name.endswith(("EPSG::4326", "CRS84")):  # what GeoJSON implies
-        collection["crs"] = {"type": "name", "properties": {"name": name}}
-        notes = ("GeoJSON coordinates are in the source's system, named in its crs member",)
+    collection, notes = feature_collection(grid)
     collection["features"] = [_feature(band, grid) for band in bands]
     with replacing(path) as partial:
         partial.write_text(json.dumps(collection) + "\n", encoding="utf-8")
@@ -159,10 +151,8 @@ def _write_band_geojson(path: str | os.PathLike[str], bands: Sequence[Band], gri
 
 
 def _feature(band: Band, grid: Grid) -> dict[str, Any]:
-    coordinates = [
-        [[[float(f"{c:.12g}") for c in point] for point in ring.tolist()] for ring in rings]
-        for rings in _world_polygons(band, grid)
-    ]
+    # All digits: rounding folds slivers, so that rings cross themselves.
+    coordinates = [[ring.tolist() for ring in rings] for rings in _world_polygons(band, grid)]
     return {
         "type": "Feature",
         "properties": _limits(band),
@@ -198,7 +188,7 @@ def _write_package(
         warnings.filterwarnings("ignore", "'crs' was not provided")  # A note tells.
         partial.unlink()  # GDAL makes the database itself.
         frame.to_file(partial, layer=layer, driver="GPKG", engine="pyogrio")
-    return () if grid.crs else (_NO_CRS,)
+    return () if grid.crs else (NO_CRS,)
 
 
 def _geopackage_module(name: str) -> Any:

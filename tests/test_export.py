@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import contourfair_jax as cf
 from contourfair_jax import export, metrics
-from contourfair_jax.contours import contours
+from contourfair_jax.contours import Band, contours
 from contourfair_jax.io import Grid, InputError, MissingPackageError
 
 UTM = "EPSG:32633"
@@ -44,7 +44,7 @@ def test_geojson_of_lines(terrain, tmp_path):
     features = json.loads((tmp_path / "lines.geojson").read_text())["features"]
     assert [feature["properties"]["level"] for feature in features] == [v.level for v in lines]
     for feature, points in zip(features, expected(lines, grid), strict=True):
-        np.testing.assert_allclose(feature["geometry"]["coordinates"], points, rtol=1e-11)
+        np.testing.assert_array_equal(feature["geometry"]["coordinates"], points)
 
 
 def test_csv_has_a_row_for_each_vertex(field, tmp_path):
@@ -109,6 +109,21 @@ def test_geojson_of_bands(terrain, crs, tmp_path):
         ]
         assert all(rings[0] > 0 and all(hole < 0 for hole in rings[1:]) for rings in areas)
         assert sum(map(sum, areas)) == pytest.approx(band.area, rel=1e-6)
+
+
+def test_slivers_of_bands_are_not_folded(tmp_path):
+    shapely = pytest.importorskip("shapely")
+    ring = np.array(
+        [
+            *([49.70472857, 6.4546875], [49.704166666748, 6.454166666666667]),
+            *([49.70416666666666, 6.454166666595988], [49.70416666666666, 6.46]),
+            [49.70472857, 6.4546875],
+        ]
+    )
+    band = Band(0.0, 1.0, ((ring[::-1],),))
+    export.write_bands(tmp_path / "bands.geojson", [band], Grid(np.ones((3, 3)), crs="EPSG:4326"))
+    (feature,) = json.loads((tmp_path / "bands.geojson").read_text())["features"]
+    assert shapely.geometry.shape(feature["geometry"]).is_valid
 
 
 def test_without_reference_system_a_geopackage_tells(field, tmp_path):

@@ -117,6 +117,47 @@ def test_texts_come_back_or_are_said_to_be_lost(tmp_path, suffix):
         assert again.metadata["space units"] == "mm"
 
 
+# Metadata, and a part of it as it must be where the format keeps text in the lines of its header.
+AWKWARD = {
+    "line ends": (
+        {"history": "a\r\nb\n", "title": "one\ntwo", "name": "x\ny"},
+        {"history": "a b"},
+    ),
+    "names": (
+        {"global:history": "a", "global:b": "c:=d", "#e": "f", "g:=h": "i = j", "type ": "k"},
+        {"global_history": "a", "global_b": "c:=d", "e": "f", "g_h": "i = j"},
+    ),
+    "empty": ({"title": "", "name": "", "history": "\n", "": "x"}, {}),
+    "long": ({"history": "x" * 40_000, "title": "\u20ac" * 250}, {}),
+    "layout": ({"ElementDataFile": "none", "HeaderSize": "7", "dimension": "9"}, {}),
+}
+
+
+@pytest.mark.usefixtures("inside")
+@pytest.mark.parametrize("suffix", WRITTEN_3D)
+@pytest.mark.parametrize("case", AWKWARD)
+def test_texts_of_any_kind_leave_the_file_readable(tmp_path, suffix, case):
+    metadata, kept = AWKWARD[case]
+    grid = Grid(samples(), affine=STEPS, units="m\ns", metadata=metadata)
+    again, _ = back(tmp_path, suffix, grid)
+    same_places(again, grid)
+    np.testing.assert_array_equal(again.values, grid.values)
+    if suffix in (".nrrd", ".nhdr", ".mha", ".mhd"):
+        assert again.units == "m s"
+        assert kept.items() <= again.metadata.items()
+
+
+@pytest.mark.usefixtures("inside")
+def test_texts_that_a_header_cannot_hold_are_said_to_be_lost(tmp_path):
+    grid = Grid(samples(), units="\u00b5m", metadata={"history": "x" * 40_000})
+    again, notes = back(tmp_path, ".nrrd", grid)
+    assert again.units == "?m"
+    assert "other characters of its texts" in notes[0]
+    again, notes = back(tmp_path, ".mha", grid)
+    assert again.units == "\u00b5m"
+    assert "texts are cut to 32000 bytes" in notes[0]
+
+
 @pytest.mark.usefixtures("inside")
 @pytest.mark.parametrize("suffix", WRITTEN_3D)
 def test_images_are_images_again(tmp_path, suffix):

@@ -15,6 +15,7 @@ from file_helpers import inside  # noqa: F401
 from PIL import Image
 from rasterio.transform import Affine
 
+from contourfair_jax import export
 from contourfair_jax.io import (
     FORMATS,
     ContourLine,
@@ -628,6 +629,24 @@ def test_bad_files_end_in_one_line(tmp_path, name):
     assert str(caught.value).startswith(str(tmp_path / name))
 
 
+@pytest.mark.parametrize("name", ["geo.tif", "plain.tif", "plain.png"])
+def test_pictures_that_are_cut_short_are_said_to_be(tmp_path, rng, name):
+    path = tmp_path / name
+    values = rng.integers(0, 255, (60, 70), np.uint8)
+    if name == "geo.tif":  # as other programs write it: what it holds first, then the samples
+        size = {"height": 60, "width": 70, "count": 1, "dtype": "uint8"}
+        place = Affine(20.0, 0.0, 4e5, 0.0, -30.0, 5e6)
+        with rasterio.open(path, "w", "GTiff", **size, crs=UTM, transform=place) as target:
+            target.write(values, 1)
+    else:
+        Image.fromarray(values).save(path)
+    assert read(path).shape == (60, 70)
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(InputError, match=r"is damaged or cut short \(\S.*\)$") as caught:
+        read(path)
+    assert "previous" not in str(caught.value)
+
+
 def read_or_message(path) -> Grid | str:
     try:
         return read(path)
@@ -844,11 +863,22 @@ def test_geojson_is_in_world_coordinates_x_first(tmp_path):
             True,
         ),
         ('LOCAL_CS["site"]', 'LOCAL_CS["site"]', True),
+        (" epsg:4326\n", None, False),
+        ("urn:ogc:def:crs:EPSG::4326", None, False),
+        ("urn:ogc:def:crs:EPSG:9.8:4326", None, False),
+        ("http://www.opengis.net/def/crs/EPSG/0/4326", None, False),
+        ("OGC:CRS84", None, False),
+        ("urn:ogc:def:crs:OGC:1.3:CRS84", None, False),
+        (rasterio.crs.CRS.from_user_input("OGC:CRS84").to_wkt(version="WKT2_2019"), None, False),
+        ("urn:ogc:def:crs:EPSG::32725", "urn:ogc:def:crs:EPSG::32725", True),
+        ("epsg:14326", "urn:ogc:def:crs:EPSG::14326", True),
+        ("ESRI:4326", "ESRI:4326", True),
     ],
 )
-def test_geojson_names_the_crs(tmp_path, crs, member, told):
+@pytest.mark.parametrize("store", [write_geojson, export.write_bands], ids=["lines", "bands"])
+def test_geojson_names_the_crs(tmp_path, crs, member, told, store):
     grid = Grid(terrain(), affine=NORTH_UP, crs=crs)
-    notes = write_geojson(tmp_path / "lines.geojson", [], grid)
+    notes = store(tmp_path / "lines.geojson", [], grid)
     stored = json.loads((tmp_path / "lines.geojson").read_text())
     assert stored["features"] == []
     assert stored.get("crs", {}).get("properties", {}).get("name") == member

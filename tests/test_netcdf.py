@@ -227,6 +227,72 @@ def test_a_projection_is_kept_as_wkt_or_in_its_own_terms(tmp_path, suffix):
     assert read(tmp_path / f"wkt{suffix}").crs == "EPSG:4326"
 
 
+UTM = (
+    'PROJCS["UTM",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],'
+    'PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],'
+    'PARAMETER["central_meridian",15],PARAMETER["scale_factor",0.9996],'
+    'PARAMETER["false_easting",500000],UNIT["metre",1]]'
+)
+DEGREE = 'GEOGCRS["WGS 84",DATUM["W",ELLIPSOID["W",6378137,298.3,LENGTHUNIT["metre",1]]]]'
+# A system, and the standard name and the units of x, or None.
+ALONG_X = {
+    "metres": (UTM, "projection_x_coordinate", "m"),
+    "feet": (UTM.replace('"metre",1', '"foot",0.3048'), "projection_x_coordinate", "foot"),
+    "survey": (UTM.replace('"metre",1', '"f",0.304800609601219'), None, "US_survey_foot"),
+    "links": (UTM.replace('"metre",1', '"Clarke link",0.201166'), None, "Clarke_link"),
+    "heights": (f'COMPD_CS["both",{UTM},VERT_CS["h",UNIT["foot",0.3048]]]', None, "m"),
+    "degrees": (DEGREE, "longitude", "degrees_east"),
+    "pole": (DEGREE[:-1] + ',DERIVINGCONVERSION["pole"]]', None, None),
+    "unknown": ("somewhere", None, None),
+}
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+@pytest.mark.parametrize("case", ALONG_X)
+def test_coordinates_say_what_their_reference_system_makes_of_them(tmp_path, suffix, case):
+    crs, name, units = ALONG_X[case]
+    affine = np.array([[-30.0, 0.0, 60.0], [0.0, 20.0, 4.0], [0.0, 0.0, 1.0]])
+    grid = Grid(samples(shape=(4, 6)), affine=affine, crs=crs, metadata={"name": "t"})
+    write(tmp_path / f"a{suffix}", grid)
+    engine = "h5netcdf" if suffix == ".nc" else "zarr"
+    with xr.open_dataset(tmp_path / f"a{suffix}", engine=engine) as data:
+        assert data.x.attrs.get("units") == units
+        if name:
+            assert data.x.attrs["standard_name"] == name
+            assert data.y.attrs["standard_name"] in (name.replace("x", "y", 1), "latitude")
+        if suffix == ".nc":
+            assert "_FillValue" not in data.x.encoding
+    again = read(tmp_path / f"a{suffix}")
+    assert again.metadata == grid.metadata
+    assert again.crs == crs
+
+
+def test_attributes_of_coordinates_are_kept_beside_a_reference_system(tmp_path):
+    data = field().rename(lat="y", lon="x").to_dataset()
+    data["crs"] = ((), 0, {"crs_wkt": UTM})
+    data["t"].attrs["grid_mapping"] = "crs"
+    data["x"].attrs = {"units": "km", "long_name": "to the east"}
+    data["y"].attrs = {"units": "m", "long_name": "to the north"}
+    write(tmp_path / "again.nc", read(stored(tmp_path, data)))
+    with xr.open_dataset(tmp_path / "again.nc", engine="h5netcdf") as again:
+        assert again.x.attrs == {"units": "km", "long_name": "to the east"}
+        name = {"standard_name": "projection_y_coordinate"}
+        assert again.y.attrs == {"units": "m", "long_name": "to the north"} | name
+
+
+@pytest.mark.parametrize("crs", [UTM, "EPSG:4326"])
+def test_gdal_places_what_is_written(tmp_path, crs):
+    rasterio = pytest.importorskip("rasterio")
+    with rasterio.Env() as env:
+        if "netCDF" not in env.drivers():
+            pytest.skip("this GDAL does not read NetCDF")
+    affine = np.array([[-0.3, 0.0, 60.0], [0.0, 0.2, 4.0], [0.0, 0.0, 1.0]])
+    write(tmp_path / "a.nc", Grid(samples(shape=(4, 6)), affine=affine, crs=crs))
+    with rasterio.open(f"netcdf:{tmp_path}/a.nc:data") as source:
+        placed = tuple(source.transform)[:6]
+    np.testing.assert_allclose(placed, (0.2, 0.0, 3.9, 0.0, -0.3, 60.15), atol=1e-9)
+
+
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])
 def test_attributes_of_the_whole_data_set_are_kept(tmp_path, suffix):
     data = field().to_dataset()
@@ -238,7 +304,7 @@ def test_attributes_of_the_whole_data_set_are_kept(tmp_path, suffix):
     opened = (
         xr.open_dataset(tmp_path / "again.nc", engine="h5netcdf")
         if suffix == ".nc"
-        else xr.open_zarr(tmp_path / "again.zarr", consolidated=False, chunks=None)
+        else xr.open_zarr(tmp_path / "again.zarr", chunks=None)
     )
     with opened as again:
         kept = {"title": "a map", "institution": "the sea", "levels": "3"}
@@ -272,7 +338,7 @@ def test_xarray_reads_what_is_written(tmp_path):
     write(tmp_path / "a.zarr", grid)
     for data in (
         xr.open_dataset(tmp_path / "a.nc", engine="h5netcdf"),
-        xr.open_zarr(tmp_path / "a.zarr", consolidated=False, chunks=None),
+        xr.open_zarr(tmp_path / "a.zarr", chunks=None),
     ):
         with data:
             np.testing.assert_array_equal(data.t, field())
@@ -317,6 +383,15 @@ def test_a_plain_array(tmp_path, version):
     np.testing.assert_array_equal(read(tmp_path / "a.zarr", f"{axis}=2").values, samples("i2")[2])
     with pytest.raises(InputError, match="no 'data' to choose"):
         read(tmp_path / "a.zarr", "data")
+
+
+def test_an_array_of_four_axes_without_names_has_the_spatial_ones_last(tmp_path):
+    array = zarr.create_array(tmp_path / "a.zarr", shape=(2, 4, 5, 6), dtype="f4")
+    array[:] = samples(shape=(2, 4, 5, 6))
+    grid = read(tmp_path / "a.zarr", "axis0=1")
+    assert grid.axes == ("z", "y", "x")
+    np.testing.assert_array_equal(grid.values, array[1])
+    assert read_outline(tmp_path / "a.zarr", None)[0].axes == ("axis0", "z", "y", "x")
 
 
 @pytest.mark.parametrize("consolidated", [True, False])

@@ -431,6 +431,8 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
     np.testing.assert_allclose(tiled.affine, whole.affine)
     assert "UTM zone 33N" in (tiled.crs or "") or tiled.crs == "EPSG:32633"
     assert (tiled.units, tiled.axes) == ("m", grid.axes)
+    with xr.open_zarr(target, chunks=None) as data:  # no warning of missing consolidated metadata
+        assert {"x", "y", "data"} <= set(data.variables)
     assert main([*call, str(tmp_path / "out.npy"), "--memory", "2", "-q"]) == 0
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), tiled.values)
 

@@ -2,6 +2,7 @@
 
 import bz2
 import gzip
+import importlib.util
 import math
 import os
 import tracemalloc
@@ -143,6 +144,28 @@ def test_a_plane_of_an_oblique_volume_is_measured_within(tmp_path):
     plane = read(tmp_path / "grid.nii", "z=2")
     assert plane.spacing == pytest.approx((1.5, 0.5), rel=1e-6)
     assert "the plane is oblique: its coordinates are distances within it" in plane.notes
+
+
+@pytest.mark.parametrize("affine", [STEPS, oblique()], ids=["straight", "oblique"])
+@pytest.mark.parametrize("gone", ["z", "y", "x"])
+@pytest.mark.parametrize("suffix", [".nii", ".nrrd", ".mha", ".vti", ".vtk", ".nc", ".npz"])
+def test_a_plane_of_a_volume_keeps_its_place(tmp_path, suffix, gone, affine):
+    write(tmp_path / "grid.nii", Grid(samples(), affine=affine, metadata={"space": RAS}))
+    plane = read(tmp_path / "grid.nii", f"{gone}=2").crop([(1, 3), (0, 3)])
+    fine = plane.refined(np.kron(plane.values, np.ones((2, 2)))[:-1, :-1], 2)
+    notes = write(tmp_path / f"fine{suffix}", fine)
+    again = read(tmp_path / f"fine{suffix}")
+    if suffix == ".vtk" and affine is not STEPS:
+        assert "the place of the slice is left out" in notes[0]
+        return
+    write(tmp_path / "volume.nii", again)
+    first = dict(zip(plane.axes, (1, 0), strict=True)) | {gone: 2}
+    expected = nibabel.load(tmp_path / "grid.nii").affine @ [*(first[k] for k in "xyz"), 1]
+    found = nibabel.load(tmp_path / "volume.nii")
+    np.testing.assert_allclose(found.affine[:3, 3], expected[:3], rtol=1e-5)
+    steps = nibabel.load(tmp_path / "grid.nii").header.get_zooms()
+    halves = [step / (1 if axis == gone else 2) for axis, step in zip("xyz", steps, strict=True)]
+    np.testing.assert_allclose(found.header.get_zooms(), halves, rtol=1e-5)
 
 
 # ---- NIfTI -------------------------------------------------------------------------------------
@@ -526,6 +549,11 @@ def test_a_folder_of_slices_is_a_volume(tmp_path):
     (tmp_path / "scan").mkdir()
     (tmp_path / "scan" / "readme.txt").write_text("not an image")
     grid = read(slices(tmp_path / "scan", UP))
+    (note,) = grid.notes
+    assert note.startswith("5 files, ")
+    assert note.endswith(" are read; other files in the folder are left out: 1")
+    (tmp_path / "scan" / "readme.txt").unlink()
+    assert read(tmp_path / "scan").notes == ()
     assert grid.shape == (5, 128, 128)
     assert (grid.values[:, 0, 0] + 1024).tolist() == [1, 3, 4, 0, 2]
     np.testing.assert_allclose(grid.world(np.array(grid.origin)), [5.0, -20.0, -10.0])
@@ -534,6 +562,14 @@ def test_a_folder_of_slices_is_a_volume(tmp_path):
     assert grid.metadata["space"] == LPS
     assert not any("CompressedSamples" in text for text in grid.metadata.values())
     np.testing.assert_array_equal(read(tmp_path / "scan", "z=1").values, grid.values[1])
+
+
+def test_the_only_slice_in_a_folder_of_other_files_is_named(tmp_path):
+    (file,) = slices(tmp_path / "scan", UP[:1]).iterdir()
+    for name in ("a.png", "b.nii"):
+        (tmp_path / "scan" / name).write_bytes(b"no slice")
+    said = f"{file.name} alone is read; other files in the folder are left out: 2"
+    assert read(tmp_path / "scan").notes == (said,)
 
 
 def test_itk_places_the_series_alike(tmp_path):
@@ -616,6 +652,21 @@ def test_kinds_of_dicom_files(name, shape, kind):
 def test_dicom_files_that_are_refused(name, said):
     with pytest.raises(InputError, match=said):
         read(get_testdata_file(name))
+
+
+@pytest.mark.parametrize(
+    ("changes", "thick"),
+    [({}, 5.0), ({"SpacingBetweenSlices": 2.5}, 2.5), ({"SpacingBetweenSlices": None}, 5.0)],
+)
+def test_a_slice_keeps_its_place_and_thickness(tmp_path, changes, thick):
+    (path,) = slices(tmp_path / "scan", [(-10.0, -20.0, -75.5)], **changes).iterdir()
+    slice_ = read(path.rename(tmp_path / "a.dcm"))
+    write(tmp_path / "a.nii", slice_)
+    found = nibabel.load(tmp_path / "a.nii")
+    np.testing.assert_allclose(found.affine[:3, 3], [10.0, 20.0, -75.5])
+    np.testing.assert_allclose(found.header.get_zooms(), [0.661468, 0.661468, thick])
+    if importlib.util.find_spec("rasterio"):
+        assert "where the slice of a volume lies as text" in write(tmp_path / "a.tif", slice_)[0]
 
 
 def test_padding_is_missing(tmp_path):

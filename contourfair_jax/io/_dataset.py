@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ._cf import axis_attributes
 from ._coordinates import affine_of, is_time, ordered
 from ._errors import InputError
 from ._geometry import axes_from_affine, spacing_of
@@ -88,7 +89,7 @@ def _described(
         origin=_numbers(attributes, "sample_origin", array.ndim),
         nodata=None if packed else nodata,
         missing=missing,
-        metadata=_metadata(data, array) | mapping,
+        metadata=_metadata(data, array, crs) | mapping,
         notes=notes + more + _left_out(data, array),
         source_dtype=source if source.kind in "iuf" else dtype,
     )
@@ -107,17 +108,21 @@ def dataset_from_grid(grid: Grid) -> xr.Dataset:
             own["sample_spacing"] = np.array(grid.spacing)
     elif set(grid.spacing) != {1.0} or any(grid.origin):
         own |= {"sample_spacing": np.array(grid.spacing), "sample_origin": np.array(grid.origin)}
-    texts = {name.replace("/", "_"): text for name, text in grid.metadata.items()}
-    name = texts.pop("name", "data").replace("/", "_")
+    texts = {name.replace("/", "_"): text for name, text in grid.metadata.items() if name}
+    name = (texts.pop("name", "") or "data").replace("/", "_")
     mapping = texts.pop("grid_mapping", None)
     title = texts.pop("title", None)
     whole = _prefixed(texts, _GLOBAL)
-    along = {axis: _prefixed(texts, f"{axis}:") for axis in grid.axes}
+    implied = axis_attributes(grid.crs, grid.axes)
+    along = {
+        axis: _completed(_prefixed(texts, f"{axis}:"), implied.get(axis, {})) for axis in grid.axes
+    }
     if grid.units:
         texts["units"] = grid.units
     variable = xr.DataArray(stored, dims=grid.axes, name=name, attrs=texts | own)
     for axis, values in zip(grid.axes, coordinates or [], strict=coordinates is not None):
         variable = variable.assign_coords({axis: (axis, values, along[axis])})
+        variable.coords[axis].encoding["_FillValue"] = None  # which the conventions forbid
     data = variable.to_dataset()
     if nodata is not None:
         data[name].encoding["_FillValue"] = stored.dtype.type(nodata)
@@ -131,6 +136,12 @@ def dataset_from_grid(grid: Grid) -> xr.Dataset:
         whole["title"] = title
     data.attrs = {**whole, _CONVENTIONS: "CF-1.8"}
     return data
+
+
+def _completed(own: dict[str, str], implied: dict[str, str]) -> dict[str, str]:
+    """The attributes of an axis, with those that its reference system implies."""
+    agree = all(own.get(name, text) == text for name, text in implied.items())
+    return implied | own if agree else own
 
 
 def _prefixed(texts: dict[str, str], prefix: str) -> dict[str, str]:
@@ -197,14 +208,21 @@ def _crs(data: xr.Dataset, array: xr.DataArray) -> tuple[str | None, dict[str, s
     return None, {"grid_mapping": json.dumps(plain)} if plain else {}
 
 
-def _metadata(data: xr.Dataset, array: xr.DataArray) -> dict[str, str]:
-    """Names and attributes as text; those of an axis begin with its name and a colon."""
+def _metadata(data: xr.Dataset, array: xr.DataArray, crs: str | None) -> dict[str, str]:
+    """Names and attributes as text; those of an axis begin with its name and a colon.
+
+    What the reference system says of an axis is left out: it is written again.
+    """
+    implied = axis_attributes(crs, [str(dim) for dim in array.dims])
     found = {"name": str(array.name)}
     found |= {str(k): _text(v) for k, v in array.attrs.items() if k not in _OWN}
     for dim in array.dims:
         if dim in array.coords:
-            attributes = array.coords[dim].attrs.items()
-            found |= {f"{dim}:{k}": _text(v) for k, v in attributes if k in _AXIS_TEXTS}
+            texts = {k: _text(v) for k, v in array.coords[dim].attrs.items() if k in _AXIS_TEXTS}
+            known = implied.get(str(dim), {})
+            if known.items() <= texts.items():
+                texts = {k: text for k, text in texts.items() if k not in known}
+            found |= {f"{dim}:{k}": text for k, text in texts.items()}
     for name in _places(array):
         units = array.coords[name].attrs.get("units", "")
         found[f"at_{name}"] = f"{array.coords[name].item():.12g} {units}".strip()

@@ -4,6 +4,7 @@ Names and numbers of patients are left out of the metadata.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ _KEPT = {"Modality": "modality", "SeriesDescription": "description", "BodyPartEx
 # Where files of many frames keep what others have at their top.
 _GROUP = {
     "PixelSpacing": "PixelMeasuresSequence",
+    "SliceThickness": "PixelMeasuresSequence",
+    "SpacingBetweenSlices": "PixelMeasuresSequence",
     "ImageOrientationPatient": "PlaneOrientationSequence",
     "ImagePositionPatient": "PlanePositionSequence",
     "RescaleSlope": "PixelValueTransformationSequence",
@@ -49,8 +52,14 @@ def read_series(path: Path, key: str | None) -> Grid:
     if "=" in name:
         name, rest = "", key or ""
     files = _choose(_series(path), name)
+    grid = _read_files(files, rest or None)
+    return replace(grid, notes=_left_out(path, files) + grid.notes)
+
+
+def _read_files(files: list[Path], key: str | None) -> Grid:
+    """One file, or one slice from each of several."""
     if len(files) == 1:
-        return read(files[0], rest or None)
+        return read(files[0], key)
     heads = [pydicom.dcmread(file, stop_before_pixels=True) for file in files]
     first, positions = heads[0], np.array([_position(head, 0) for head in heads], np.float64)
     shape = (len(files), first.Rows, first.Columns)
@@ -63,7 +72,18 @@ def read_series(path: Path, key: str | None) -> Grid:
     slices = [_samples(pydicom.dcmread(file)) for file in files]
     if any(len(each) != 1 for each in slices):
         raise InputError("is a series of volumes; read them one by one")
-    return _grid(first, np.concatenate(slices), positions, select(rest or None, SPATIAL, shape))
+    return _grid(first, np.concatenate(slices), positions, select(key, SPATIAL, shape))
+
+
+def _left_out(folder: Path, files: list[Path]) -> tuple[str, ...]:
+    """A note of what is read where that is not all that is in the folder."""
+    others = sum(each.is_file() for each in folder.iterdir()) - len(files)
+    if not others:
+        return ()
+    names = f"{files[0].name} alone is"
+    if len(files) > 1:
+        names = f"{len(files)} files, {files[0].name} to {files[-1].name}, are"
+    return (f"{names} read; other files in the folder are left out: {others}",)
 
 
 def _series(folder: Path) -> dict[str, tuple[str, list[Path]]]:
@@ -143,8 +163,10 @@ def _grid(
         order = np.argsort(positions @ affine[:3, 2], kind="stable")
         values, positions = values[order], positions[order]
         affine[:3, 3] = positions[0]
-        if len(positions) > 1:
-            affine[:3, 2] = _step(positions)
+    if positions is not None and len(positions) > 1:
+        affine[:3, 2] = _step(positions)
+    else:
+        affine[:3, 2] *= _thickness(image)
     metadata = {new: str(image.get(old) or "") for old, new in _KEPT.items()}
     metadata |= {"space": LPS if positions is not None else "", "space units": "mm"}
     kind = str(_look(image, "RescaleType", 0, image.get("DoseUnits") or ""))
@@ -199,6 +221,13 @@ def _spacing(image: Dataset) -> tuple[float, float]:
     given = _look(image, "PixelSpacing", 0, image.get("ImagerPixelSpacing") or (1, 1))
     row_step, column_step = (float(step) for step in given)
     return row_step, column_step
+
+
+def _thickness(image: Dataset) -> float:
+    """The distance between slices, or else how thick one is; 1 where the file says neither."""
+    found = [_look(image, name, 0, None) for name in ("SpacingBetweenSlices", "SliceThickness")]
+    known = [abs(float(each)) for each in found if each is not None]
+    return next((each for each in known if each and np.isfinite(each)), 1.0)
 
 
 def _look(image: Dataset, name: str, frame: int, default: Any) -> Any:

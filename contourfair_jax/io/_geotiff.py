@@ -15,14 +15,15 @@ import numpy as np
 import rasterio
 from rasterio.crs import CRS
 from rasterio.enums import ColorInterp
-from rasterio.errors import CRSError, NotGeoreferencedWarning
+from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioIOError
 from rasterio.transform import Affine
 
-from ._errors import InputError
+from ._errors import InputError, one_line
 from ._geometry import is_skewed, spacing_of
 from ._grid import Grid, exact_float
 from ._limits import check_memory
 from ._missing import mark_missing, numeric, restore_nodata
+from ._slice import SLICE
 
 _TILE_FROM = 1024
 # So many bands are named in messages.
@@ -54,8 +55,9 @@ def _read(path: Path, key: str | None, driver: str) -> Grid:
             raise InputError("holds complex numbers; save the magnitude or one part")
         itemsize = np.dtype(source.dtypes[band - 1]).itemsize
         check_memory(source.width * source.height * itemsize, f"a raster of {source.shape} samples")
-        samples = numeric(source.read(band))
-        mask = source.read_masks(band) == 0
+        with _telling_damage():
+            samples = numeric(source.read(band))
+            mask = source.read_masks(band) == 0
         scale, offset = source.scales[band - 1], source.offsets[band - 1]
         units, nodata = source.units[band - 1] or "", source.nodatavals[band - 1]
         metadata = {
@@ -127,6 +129,8 @@ def write_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
         profile["transform"] = corner_transform(grid.affine)
         if not np.allclose(spacing_of(grid.affine), grid.spacing, rtol=1e-6):
             notes += ("a GeoTIFF keeps the steps of its coordinates, not the metric spacing",)
+    if SLICE in grid.metadata:
+        notes += ("a GeoTIFF keeps where the slice of a volume lies as text only",)
     if grid.crs is not None:
         profile["crs"] = _crs(grid.crs)
     colours = tuple(each.metadata.get(_COLOUR, "undefined") for each in grids)
@@ -195,6 +199,18 @@ def _crs(text: str) -> CRS:
         return CRS.from_user_input(text)
     except (CRSError, ValueError) as error:
         raise InputError(f"coordinate reference system not understood: {text[:60]!r}") from error
+
+
+@contextmanager
+def _telling_damage() -> Iterator[None]:
+    """What the library refers to as its previous exception is the message."""
+    try:
+        yield
+    except RasterioIOError as error:
+        first: BaseException = error
+        while first.__cause__ is not None:
+            first = first.__cause__
+        raise InputError(f"is damaged or cut short ({one_line(first)})") from error
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageSequence
 
-from ._errors import InputError
+from ._errors import InputError, one_line
 from ._grid import Grid
 from ._limits import check_memory
 from ._missing import mark_missing, numeric
@@ -120,7 +120,10 @@ def _opened(path: Path) -> Iterator[Image.Image]:
                 f"has more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels; convert it to .npy"
             ) from error
         with image:
-            yield image
+            try:
+                yield image
+            except OSError as error:
+                raise InputError(f"is damaged or cut short ({one_line(error)})") from error
 
 
 def _channels(image: Image.Image) -> tuple[str, ...]:

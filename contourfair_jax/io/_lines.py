@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,14 @@ from ._errors import InputError
 from ._grid import Grid
 
 _SVG_SIZE = 1000.0
-_WGS84 = re.compile(r'^(EPSG:4326|OGC:CRS84)$|AUTHORITY\["EPSG","4326"\]\]$|ID\["EPSG",4326\]\]$')
-_CODE = re.compile(r'(?:AUTHORITY\["EPSG","(\d+)"\]|ID\["EPSG",(\d+)\])\]$')
+# The code of a system: at the end of its WKT, or alone, as a URN or as an address.
+_EPSG = re.compile(
+    r'(?:AUTHORITY\s*\[\s*"EPSG"\s*,\s*"(\d+)"|ID\s*\[\s*"EPSG"\s*,\s*(\d+))\s*\]\s*\]$'
+    r"|^(?:urn:ogc:def:crs:|https?://www\.opengis\.net/def/crs/)?EPSG[:/](?:[\d.]*[:/])?(\d+)$",
+    re.IGNORECASE,
+)
+_CRS84 = re.compile(r'(?:^|[:/"])CRS84"?\s*[\]\s]*$', re.IGNORECASE)
+NO_CRS = "the source names no coordinate reference system; the file has none either"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +47,8 @@ class ContourLine:
 def write_geojson(
     path: str | os.PathLike[str], lines: Sequence[ContourLine], grid: Grid
 ) -> tuple[str, ...]:
-    """Store one LineString feature per line, with its ``level``, in world coordinates.
-
-    A ``crs`` member names the reference system unless it is WGS 84, which GeoJSON implies.  It is
-    what GDAL and QGIS read; strict readers of RFC 7946 expect WGS 84 only, so a note tells.
-    """
-    collection: dict[str, object] = {"type": "FeatureCollection"}
-    notes: tuple[str, ...] = ()
-    if grid.crs is None:
-        notes = ("the source names no coordinate reference system; the GeoJSON has none either",)
-    elif not _WGS84.search(grid.crs.strip()):
-        collection["crs"] = {"type": "name", "properties": {"name": crs_name(grid.crs)}}
-        notes = ("GeoJSON coordinates are in the source's system, named in its crs member",)
+    """Store one LineString feature per line, with its ``level``, in world coordinates."""
+    collection, notes = feature_collection(grid)
     with replacing(path) as partial, open(partial, "w", encoding="utf-8") as stream:
         head = json.dumps(collection)[:-1]
         stream.write(f'{head}, "features": [')
@@ -88,11 +85,27 @@ def write_svg(
     return ()
 
 
-def crs_name(crs: str) -> str:
-    """``urn:ogc:def:crs:EPSG::n`` where the code is known, else `crs` itself."""
-    found = _CODE.search(crs.strip()) or re.fullmatch(r"EPSG:(\d+)", crs.strip())
-    code = next((group for group in found.groups() if group), None) if found else None
-    return f"urn:ogc:def:crs:EPSG::{code}" if code else crs
+def feature_collection(grid: Grid) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """A GeoJSON collection in the world of a grid, without features yet, and notes.
+
+    A ``crs`` member names the reference system unless it is WGS 84, which GeoJSON implies.  It is
+    what GDAL and QGIS read; strict readers of RFC 7946 expect WGS 84 only, so a note tells.
+    """
+    collection: dict[str, Any] = {"type": "FeatureCollection"}
+    crs = (grid.crs or "").strip()
+    if not crs:
+        return collection, (NO_CRS,)
+    code = _epsg(crs)
+    if code == "4326" or (code is None and _CRS84.search(crs)):
+        return collection, ()
+    name = f"urn:ogc:def:crs:EPSG::{code}" if code else crs
+    collection["crs"] = {"type": "name", "properties": {"name": name}}
+    return collection, ("GeoJSON coordinates are in the source's system, named in its crs member",)
+
+
+def _epsg(crs: str) -> str | None:
+    found = _EPSG.search(crs)
+    return next(filter(None, found.groups()), None) if found else None
 
 
 def _feature(line: ContourLine, grid: Grid) -> dict[str, object]:
@@ -102,7 +115,7 @@ def _feature(line: ContourLine, grid: Grid) -> dict[str, object]:
         "properties": {"level": float(f"{line.level:.12g}"), "closed": line.closed},
         "geometry": {
             "type": "LineString",
-            "coordinates": [[float(f"{x:.12g}"), float(f"{y:.12g}")] for x, y in xy.tolist()],
+            "coordinates": xy.tolist(),
         },
     }
 

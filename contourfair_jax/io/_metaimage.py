@@ -9,13 +9,19 @@ import SimpleITK as sitk
 
 from ._errors import InputError
 from ._grid import Grid
+from ._header import header_lines
 from ._limits import check_memory
+from ._slice import without_place
 from ._volume import LPS, in_space, select, to_store, to_xyz, volume_grid, zyx
 
 _IMAGE = "MetaImageIO"
 _COMPONENT = "component"
 # What the library adds of its own.
 _OWN = re.compile(r"ITK_|Modality$")
+# Fields of the header that say how the samples are read.
+_LAYOUT = re.compile(r"Header|Element|Orientation$|DimSize$|NDims$")
+# Bytes of a text: the library reads no header with longer lines.
+_LONGEST = 32_000
 
 
 def read(path: Path, key: str | None) -> Grid:
@@ -69,10 +75,14 @@ def _write(path: Path, grid: Grid, compressed: bool) -> tuple[str, ...]:
     image.SetSpacing(steps.tolist())
     image.SetOrigin(affine[:3, 3].tolist())
     image.SetDirection((affine[:3, :3] / steps).ravel().tolist())
-    texts = {"units": grid.units, "crs": grid.crs, "nodata": nodata, **grid.metadata}
-    for name, text in texts.items():
-        if name != "space" and text not in (None, ""):
-            image.SetMetaData(name, str(text))
+    texts = {"units": grid.units, "crs": grid.crs, "nodata": nodata}
+    texts |= without_place(grid.metadata)
+    lines = header_lines(texts, _LONGEST)
+    if lines != header_lines(texts):
+        notes += (f"texts are cut to {_LONGEST} bytes, more than which MetaImage readers refuse",)
+    for name, text in lines.items():
+        if name != "space" and not _LAYOUT.match(name):
+            image.SetMetaData(name, text)
     writer = sitk.ImageFileWriter()
     writer.SetImageIO(_IMAGE)
     writer.SetFileName(os.fspath(path))

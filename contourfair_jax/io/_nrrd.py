@@ -16,7 +16,9 @@ import numpy as np
 
 from ._errors import InputError
 from ._grid import Grid
+from ._header import header_lines, single_line
 from ._limits import check_memory, describe_bytes
+from ._slice import without_place
 from ._volume import SPATIAL, canonical_space, select, to_store, to_xyz, volume_grid, zyx
 
 # Kinds of axes along which space or the domain extends.
@@ -88,8 +90,15 @@ def _write(path: Path, grid: Grid, encoding: str) -> tuple[str, ...]:
     stored, nodata = to_store(grid)
     volume, affine, notes = to_xyz(grid, stored)
     space = grid.metadata.get("space", "")
+    own = {"sample units": grid.units, "crs": grid.crs, "nodata": nodata}
+    texts = header_lines(without_place(grid.metadata))
+    texts = {name: text for name, text in texts.items() if name not in _DECODED}
+    texts |= header_lines(own)
+    plain = {_ascii(name): _ascii(text) for name, text in texts.items()}
+    if plain != texts:
+        notes += ("NRRD headers are ASCII: other characters of its texts are now ?",)
     header: dict[str, Any] = {
-        **{name: text for name, text in grid.metadata.items() if name not in _DECODED},
+        **plain,
         **({"space": space} if canonical_space(space) else {"space dimension": 3}),
         "space directions": affine[:3, :3].T,
         "space origin": affine[:3, 3],
@@ -97,11 +106,14 @@ def _write(path: Path, grid: Grid, encoding: str) -> tuple[str, ...]:
         "encoding": encoding,
     }
     if "space units" in grid.metadata:
-        header["space units"] = [grid.metadata["space units"]] * 3
-    texts = {"sample units": grid.units, "crs": grid.crs, "nodata": nodata}
-    header |= {name: str(text) for name, text in texts.items() if text not in (None, "")}
+        length = _ascii(single_line(grid.metadata["space units"]).replace('"', ""))
+        header["space units"] = [length] * 3
     nrrd.write(os.fspath(path), volume, header, index_order="F")  # two files for ``.nhdr``
     return notes
+
+
+def _ascii(text: str) -> str:
+    return text.encode("ascii", "replace").decode("ascii")
 
 
 def _check(header: Mapping[str, Any], path: Path) -> list[int]:

@@ -13,10 +13,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ._errors import InputError
-from ._geometry import crop_affine, is_skewed, spacing_of
+from ._geometry import crop_affine, spacing_of
 from ._grid import Grid
 from ._key import Part, describe_axes, index_of, parse_key
 from ._missing import mark_missing, numeric, restore_nodata
+from ._slice import in_volume, of_axes, without_place
 
 SPATIAL = ("z", "y", "x")
 RAS, LPS = "right-anterior-superior", "left-posterior-superior"
@@ -84,9 +85,10 @@ def volume_grid(
         data = np.squeeze(data, axis=position)
         missing = None if missing is None else np.squeeze(missing, axis=position)
         kept.remove(k)
+    place: dict[str, str] = {}
     if affine is not None:
         starts = [_start(part, n) for part, n in zip(index, shape, strict=True)]
-        affine, said = _within(crop_affine(affine, starts), kept)
+        affine, place, said = of_axes(crop_affine(affine, starts), kept)
         more += said
     return Grid(
         data,
@@ -96,7 +98,7 @@ def volume_grid(
         affine=affine,
         nodata=nodata,
         missing=missing,
-        metadata=metadata or {},
+        metadata=without_place(metadata or {}) | place,
         notes=notes + more,
         source_dtype=source_dtype or samples.dtype,
     )
@@ -126,9 +128,13 @@ def to_xyz(grid: Grid, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, tupl
     if not np.allclose(spacing_of(full), grid.spacing, rtol=1e-6):
         notes = ("the steps of the coordinates are kept, not the metric spacing",)
     affine = np.eye(4)
-    affine[np.ix_(places, places)] = full[np.ix_(order, order)]
-    affine[places, 3] = full[order, -1]
     thin = tuple(set(range(3)) - set(places))
+    lifted = in_volume(grid, full) if named else None
+    if lifted is None:
+        affine[np.ix_(places, places)] = full[np.ix_(order, order)]
+        affine[places, 3] = full[order, -1]
+    else:
+        affine[:3, [*thin, *places, 3]] = lifted[2::-1, [0, *(1 + k for k in order), 3]]
     return np.expand_dims(np.transpose(values, order), thin), affine, notes
 
 
@@ -162,19 +168,3 @@ def not_kept(grid: Grid, what: str, *fields: str) -> tuple[str, ...]:
 def _start(part: Part, n: int) -> int:
     chosen = range(n)[part]
     return chosen if isinstance(chosen, int) else chosen[0]
-
-
-def _within(affine: np.ndarray, kept: Sequence[int]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The map of the axes `kept`, to those axes of the world that they lie along."""
-    ndim = len(affine) - 1
-    linear = affine[:ndim, list(kept)]
-    rows = np.flatnonzero(np.abs(linear).max(axis=1) > 1e-9 * np.abs(linear).max()).tolist()
-    notes: tuple[str, ...] = ()
-    if len(rows) == len(kept):
-        affine = affine[np.ix_([*rows, ndim], [*kept, ndim])]
-    else:
-        affine = np.diag([*np.sqrt((linear**2).sum(axis=0)), 1.0])
-        notes = ("the plane is oblique: its coordinates are distances within it",)
-    if is_skewed(affine):
-        notes += ("the axes are not perpendicular; fairing treats them as if they were",)
-    return affine, notes

@@ -8,6 +8,7 @@ import math
 import os
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,10 @@ from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLImageDataWriter
 
 from ._errors import InputError
 from ._grid import Grid
+from ._header import single_line
 from ._key import parse_key
 from ._limits import check_memory, describe_bytes
+from ._slice import SLICE, without_place
 from ._volume import SPATIAL, not_kept, select, to_store, to_xyz, volume_grid, zyx
 
 _COMPONENT = "component"
@@ -42,6 +45,7 @@ _LEGACY_TYPES = {
 # Where the size stands in a legacy file; the first bytes are looked through for it.
 _DIMENSIONS = re.compile(rb"^\s*DIMENSIONS\s+(\d{1,18})\s+(\d{1,18})\s+(\d{1,18})\s", re.I | re.M)
 _HEAD = 2**16
+_TITLE_BYTES = 250  # of a legacy file, whose lines may have 256
 _TEXTS = ("units", "crs", "nodata", "metadata")
 
 
@@ -107,16 +111,21 @@ def write_legacy(path: Path, grid: Grid) -> tuple[str, ...]:
 
     VTK's own writer would round positions to six digits.
     """
-    volume, affine, notes = to_xyz(grid, to_store(grid)[0])
+    stored = to_store(grid)[0]
+    volume, affine, notes = to_xyz(grid, stored)
+    if _turned(affine) and SLICE in grid.metadata:
+        grid = replace(grid, metadata=without_place(grid.metadata))
+        volume, affine, notes = to_xyz(grid, stored)
+        notes += ("the place of the slice is left out: the legacy format has no turned axes",)
     linear = affine[:3, :3]
-    if np.count_nonzero(linear) > 3 or not np.diag(linear).all():
+    if _turned(affine):
         raise InputError("the legacy format has no turned axes; use .vti")
     down = tuple(np.flatnonzero(np.diag(linear) < 0).tolist())
     first = affine[:3, 3] + linear @ ((np.array(volume.shape) - 1) * np.isin(range(3), down))
     volume = np.flip(volume, down)
-    name = re.sub(r"\s+", "_", grid.metadata.get("name", "data"))
+    name = re.sub(r"\s+", "_", single_line(grid.metadata.get("name", "")) or "data")
     header = f"""# vtk DataFile Version 3.0
-{grid.metadata.get("title", "samples")[:250]}
+{single_line(grid.metadata.get("title", ""), _TITLE_BYTES) or "samples"}
 BINARY
 DATASET STRUCTURED_POINTS
 DIMENSIONS {_numbers(volume.shape)}
@@ -129,6 +138,11 @@ LOOKUP_TABLE default
     big_endian = volume.astype(volume.dtype.newbyteorder(">"), copy=False)
     path.write_bytes(header.encode() + big_endian.tobytes(order="F") + b"\n")
     return notes + not_kept(grid, "legacy VTK", "units", "crs", "nodata")
+
+
+def _turned(affine: np.ndarray) -> bool:
+    linear = affine[:3, :3]
+    return bool(np.count_nonzero(linear) > 3 or not np.diag(linear).all())
 
 
 class _Errors:
@@ -252,13 +266,14 @@ def _image(grid: Grid) -> tuple[vtkImageData, tuple[str, ...]]:
     image.SetOrigin(*affine[:3, 3])
     image.SetDirectionMatrix(*(affine[:3, :3] / steps).ravel())
     array = numpy_to_vtk(volume.ravel(order="F"), deep=True)
-    array.SetName(grid.metadata.get("name", "data"))
+    array.SetName(grid.metadata.get("name") or "data")
     image.GetPointData().SetScalars(array)
+    metadata = without_place(grid.metadata)
     texts = {
         "units": grid.units,
         "crs": grid.crs,
         "nodata": nodata,
-        "metadata": json.dumps(dict(grid.metadata)) if grid.metadata else "",
+        "metadata": json.dumps(metadata) if metadata else "",
     }
     for name, text in texts.items():
         if text not in (None, ""):

@@ -144,7 +144,7 @@ def adaptive(
         write_leaves(target, found, grid)
     if plot is not None:
         with say.working(f"drawing {plot}"):
-            save_figure(leaf_figure(found, source.name, grid.rows_ascend), plot)
+            save_figure(leaf_figure(found, grid, source.name), plot)
     text = f"{len(found)} leaves, error at most {found.error:.4g}"
     say.done(target, text, leaves=len(found), vertices=len(found.vertices), error=found.error)
 

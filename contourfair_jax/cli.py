@@ -190,9 +190,7 @@ def compare(
             "thin plate": plain,
             "faired": faired,
         }
-        figure = compare_figure(
-            panels, chosen, upward=grid.rows_ascend, title=f"{source.name}: {shown}"
-        )
+        figure = compare_figure(panels, chosen, grid=grid, title=f"{source.name}: {shown}")
         save_figure(figure, target)
     say.done(target, f"{shown}, {len(chosen)} levels", window=ranges, levels=chosen)
 

@@ -365,6 +365,23 @@ def test_filled_contours(run, dem, tmp_path, suffix):
     assert bands.area.sum() == pytest.approx(8 * 30 * 10 * 20)
 
 
+def test_filled_contours_as_a_picture(run, dem, tmp_path):
+    """Three colours are most of what is not white; without --filled, values are shaded."""
+    share = {}
+    for options in ((), ("--filled",)):
+        target = tmp_path / "picture.png"
+        assert run("contours", dem, "-o", target, "--levels", "50,100", *options)[0] == 0
+        with Image.open(target) as image:
+            shown = np.asarray(image.convert("RGB")).reshape(-1, 3)
+        counts = np.unique(shown[(shown < 255).any(1)], axis=0, return_counts=True)[1]
+        share[options] = np.sort(counts)[-3:].sum() / counts.sum()
+    assert share[()] < 0.3 < 0.8 < share[("--filled",)]
+    beside = ("-o", tmp_path / "bands.json", "--plot", tmp_path / "bands.png")
+    assert run("contours", dem, "--levels", "50,100", "--filled", *beside)[0] == 0
+    with Image.open(beside[-1]) as image, Image.open(target) as other:
+        np.testing.assert_array_equal(np.asarray(image), np.asarray(other))
+
+
 def test_filled_contours_tell_what_there_is_to_know(run, dem, tmp_path):
     options = ("-o", tmp_path / "bands.json", "--levels", "50,50.000000001", "--filled")
     code, out, err = run("contours", dem, *options)

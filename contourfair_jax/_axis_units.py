@@ -9,6 +9,8 @@ from .io._geometry import spacing_of
 
 _SHORT = {"metre": "m", "meter": "m", "metres": "m", "meters": "m", "kilometre": "km"}
 _GEOGRAPHIC = re.compile(r"\s*(GEOGCS|GEOGCRS|GEODCRS|GEODETICCRS|EPSG:4326$|OGC:CRS84$)")
+# Degrees whose lengths on the ground have this proportion, or more, need no note.
+_ALIKE = 0.95
 _UNIT = re.compile(r'UNIT\["([^"]+)"')
 
 
@@ -34,6 +36,33 @@ def middle_latitude(grid: Grid) -> float:
     assert grid.affine is not None
     middle = np.append((np.array(grid.shape) - 1) / 2, 1.0)
     return float((grid.affine @ middle)[grid.ndim - 2])
+
+
+def length_unit(grid: Grid) -> str:
+    """The unit of distances in the grid, ``""`` where it is unknown or differs between axes."""
+    units = set(axis_units(grid))
+    return units.pop() if len(units) == 1 and not has_own_spacing(grid) else ""
+
+
+def degrees_note(grid: Grid) -> tuple[str, ...]:
+    """A note where degrees along the last axis are clearly shorter than those along the one before.
+
+    Not where the grid has a spacing of its own, such as metres.
+    """
+    if not in_degrees(grid) or has_own_spacing(grid):
+        return ()
+    assert grid.affine is not None
+    ends = np.array([np.zeros(grid.ndim), np.array(grid.shape) - 1.0])
+    latitudes = (ends @ grid.affine[:-1, :-1].T + grid.affine[:-1, -1])[:, grid.ndim - 2]
+    farthest = float(np.abs(latitudes).max())
+    narrowing = float(np.cos(np.radians(farthest)))
+    if narrowing > _ALIKE:
+        return ()
+    return (
+        f"distances are taken in degrees, of which one of longitude is {narrowing:.2g} of one of "
+        f"latitude at {farthest:.4g} degrees: reproject the file, or give spacing in Python, to "
+        "have distances on the ground",
+    )
 
 
 def has_own_spacing(grid: Grid) -> bool:

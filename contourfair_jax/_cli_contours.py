@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ._console import Reporter
+from ._levels import check_choice
 from ._options import (
     Count,
     Fill,
@@ -28,9 +29,17 @@ from ._options import (
     output,
 )
 from ._periodic import closed
-from ._run import Settings, check_fairable, fair, periodic_axes, precision
-from ._steps import check_suffix, levels_of, load
-from .io import InputError, write_svg
+from ._run import (
+    Settings,
+    check_fairable,
+    check_options,
+    fair,
+    periodic_axes,
+    periodic_names,
+    precision,
+)
+from ._steps import as_input, check_suffix, levels_of, load
+from .io import write_svg
 
 if TYPE_CHECKING:
     from ._field import BezierField
@@ -75,6 +84,7 @@ def contours(
     on a level count as below it; for whole numbers, levels halfway between them have no plateaus.
     Coordinates are those of the file.
     """
+    from ._tracing import check_tolerance
     from .contours import Bands
     from .plot import contour_figure, save_figure
 
@@ -82,13 +92,18 @@ def contours(
     check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    grid = load(source, key, target, say, fill)
+    settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
+    check_choice(levels, interval, count)
+    with as_input():
+        check_tolerance(tolerance)
+    grid = load(source, key, target, say, fill, periodic_names(periodic))
     check_fairable(grid, ndim=(2,))
     around = periodic_axes(grid, periodic)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single):
         with say.working(f"fairing {' x '.join(map(str, grid.shape))} samples"):
-            field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
+            field = fair(grid, method, settings, fill, around)
         with say.working("tracing contours") as progress:
             found = _traced(field, chosen, tolerance, filled, progress)
             shown = closed(grid, around)
@@ -115,13 +130,11 @@ def _traced(
     """The lines, or what is below, between and above the levels."""
     from . import contours as tracing
 
-    try:
+    with as_input():
         if filled:
             ends = [-float("inf"), *levels, float("inf")]
             return tracing.filled(field, ends, tolerance, progress=progress)
         return tracing.contours(field, levels, tolerance, progress=progress)
-    except ValueError as error:
-        raise InputError(str(error)) from error
 
 
 def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]:

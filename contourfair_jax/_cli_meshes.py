@@ -57,6 +57,7 @@ def isosurface(
     """Store the isosurface of a volume as a mesh, in the coordinates of the file.
 
     Vertices lie on the fair field; the mesh is closed but at the border and at missing samples.
+    Normals point towards larger values; seen from there, triangles run counter-clockwise.
     """
     from ._to_vtk import MESH_SUFFIXES, write_mesh
     from ._tracing import check_tolerance

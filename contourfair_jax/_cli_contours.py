@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ._console import Reporter
+from ._levels import check_choice
 from ._options import (
     Count,
     Fill,
@@ -27,18 +29,27 @@ from ._options import (
     output,
 )
 from ._periodic import closed
-from ._run import Settings, check_fairable, fair, periodic_axes, precision
-from ._steps import check_suffix, levels_of, load
-from .io import InputError, write_svg
+from ._run import (
+    Settings,
+    check_fairable,
+    check_options,
+    fair,
+    periodic_axes,
+    periodic_names,
+    precision,
+)
+from ._steps import as_input, check_suffix, levels_of, load
+from .io import write_svg
 
 if TYPE_CHECKING:
     from ._field import BezierField
     from ._tracing import Progress
+    from .contours import Bands, Contours
     from .io import Grid
 
 
-_BANDS = (".geojson", ".json", ".gpkg")
-_LINES = (*_BANDS, ".csv", ".svg", ".png")
+_BANDS = (".geojson", ".json", ".gpkg", ".png")
+_LINES = (".geojson", ".json", ".gpkg", ".csv", ".svg", ".png")
 
 
 def contours(
@@ -50,7 +61,8 @@ def contours(
     interval: Interval = None,
     count: Count = None,
     filled: Annotated[
-        bool, typer.Option("--filled", help="The areas between the levels: .geojson or .gpkg.")
+        bool,
+        typer.Option("--filled", help="The areas between the levels: .geojson, .gpkg or .png."),
     ] = False,
     tolerance: Annotated[
         float, typer.Option("--tolerance", "-t", help="How far from the true contour, in cells.")
@@ -72,89 +84,90 @@ def contours(
     on a level count as below it; for whole numbers, levels halfway between them have no plateaus.
     Coordinates are those of the file.
     """
+    from ._tracing import check_tolerance
+    from .contours import Bands
     from .plot import contour_figure, save_figure
 
     say = Reporter(quiet, as_json)
-    check_suffix(
-        target, (".geojson", ".json", ".gpkg", *(() if filled else (".csv", ".svg", ".png")))
-    )
+    check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    grid = load(source, key, target, say, fill)
+    settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
+    check_choice(levels, interval, count)
+    with as_input():
+        check_tolerance(tolerance)
+    grid = load(source, key, target, say, fill, periodic_names(periodic))
     check_fairable(grid, ndim=(2,))
     around = periodic_axes(grid, periodic)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single):
         with say.working(f"fairing {' x '.join(map(str, grid.shape))} samples"):
-            field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
+            field = fair(grid, method, settings, fill, around)
         with say.working("tracing contours") as progress:
-            store = _store_bands if filled else _store_lines
+            found = _traced(field, chosen, tolerance, filled, progress)
             shown = closed(grid, around)
-            text, facts, notes = store(target, field, chosen, tolerance, shown, progress)
+            notes = found.notes + _store(target, found, shown)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):
-                up, title = grid.rows_ascend, source.name
-                figure = contour_figure(field, chosen, upward=up, units=grid.units, title=title)
+                draw = partial(contour_figure, field, chosen, grid=shown, title=source.name)
+                figure = draw(bands=found) if isinstance(found, Bands) else draw(lines=found)
                 save_figure(figure, picture)
     for note in notes:
         say.note(note)
+    text, facts = _described(found)
     say.done(target, text, **facts)
 
 
-def _store_lines(
-    target: Path,
+def _traced(
     field: BezierField,
     levels: Sequence[float],
     tolerance: float,
-    grid: Grid,
+    filled: bool,
     progress: Progress,
-) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    """Store the lines; what there is in words and in numbers, and notes."""
-    from .contours import contours
-    from .export import write_lines
+) -> Contours | Bands:
+    """The lines, or what is below, between and above the levels."""
+    from . import contours as tracing
+
+    with as_input():
+        if filled:
+            ends = [-float("inf"), *levels, float("inf")]
+            return tracing.filled(field, ends, tolerance, progress=progress)
+        return tracing.contours(field, levels, tolerance, progress=progress)
+
+
+def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]:
+    """Store lines or bands, unless a picture is all that is asked for; notes on the file."""
+    from .contours import Bands
+    from .export import write_bands, write_lines
     from .plot import level_colors
 
-    try:
-        lines = contours(field, levels, tolerance, progress=progress)
-    except ValueError as error:
-        raise InputError(str(error)) from error
-    notes = lines.notes
-    if target.suffix.lower() == ".svg":
-        drawn = len({line.level for line in lines})
-        notes += write_svg(target, lines, grid, level_colors(drawn))
-    elif target.suffix.lower() != ".png":
-        notes += write_lines(target, lines, grid)
-    vertices = sum(len(line.points) for line in lines)
+    suffix = target.suffix.lower()
+    if suffix == ".png":
+        return ()
+    if isinstance(found, Bands):
+        return write_bands(target, found, grid)
+    if suffix == ".svg":
+        drawn = len({line.level for line in found})
+        return write_svg(target, found, grid, level_colors(drawn))
+    return write_lines(target, found, grid)
+
+
+def _described(found: Contours | Bands) -> tuple[str, dict[str, Any]]:
+    """What there is, in words and in numbers."""
+    from .contours import Bands
+
+    if isinstance(found, Bands):
+        facts = {"levels": found.levels[1:-1], "bands": len(found), "unproved": found.unproved}
+        return f"{len(found)} bands", facts
     facts = {
-        "levels": lines.levels,
-        "lines": len(lines),
-        "vertices": vertices,
-        "unproved": lines.unproved,
+        "levels": found.levels,
+        "lines": len(found),
+        "vertices": sum(len(line.points) for line in found),
+        "unproved": found.unproved,
     }
-    return f"{len(lines)} contours at {len(lines.levels)} levels", facts, notes
-
-
-def _store_bands(
-    target: Path,
-    field: BezierField,
-    levels: Sequence[float],
-    tolerance: float,
-    grid: Grid,
-    progress: Progress,
-) -> tuple[str, dict[str, Any], tuple[str, ...]]:
-    """Store what is below, between and above the levels; as for lines."""
-    from .contours import filled
-    from .export import write_bands
-
-    ends = [-float("inf"), *levels, float("inf")]
-    try:
-        bands = filled(field, ends, tolerance, progress=progress)
-    except ValueError as error:
-        raise InputError(str(error)) from error
-    notes = bands.notes + write_bands(target, bands, grid)
-    facts = {"levels": bands.levels[1:-1], "bands": len(bands), "unproved": bands.unproved}
-    return f"{len(bands)} bands", facts, notes
+    return f"{len(found)} contours at {len(found.levels)} levels", facts
 
 
 COMMANDS = {

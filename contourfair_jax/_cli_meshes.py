@@ -22,9 +22,16 @@ from ._options import (
     examples,
     output,
 )
-from ._run import Settings, check_fairable, fair, periodic_axes, precision
-from ._steps import check_suffix, load
-from .io import InputError
+from ._run import (
+    Settings,
+    check_fairable,
+    check_options,
+    fair,
+    periodic_axes,
+    periodic_names,
+    precision,
+)
+from ._steps import as_input, check_suffix, load
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
@@ -50,8 +57,10 @@ def isosurface(
     """Store the isosurface of a volume as a mesh, in the coordinates of the file.
 
     Vertices lie on the fair field; the mesh is closed but at the border and at missing samples.
+    Normals point towards larger values; seen from there, triangles run counter-clockwise.
     """
     from ._to_vtk import MESH_SUFFIXES, write_mesh
+    from ._tracing import check_tolerance
     from .isosurface import isosurface as trace
     from .plot import save_figure
 
@@ -59,17 +68,18 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    grid = load(source, key, target, say, fill)
+    settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
+    with as_input():
+        check_tolerance(tolerance)
+    grid = load(source, key, target, say, fill, periodic_names(periodic))
     check_fairable(grid, ndim=(3,))
     around = periodic_axes(grid, periodic)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
-    try:
-        with precision(single), say.working("tracing the surface") as move:
-            mesh = trace(field, level, tolerance, move)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+        field = fair(grid, method, settings, fill, around)
+    with precision(single), say.working("tracing the surface") as move, as_input():
+        mesh = trace(field, level, tolerance, move)
     for note in mesh.notes:
         say.note(note)
     with say.working(f"writing {target}"):
@@ -123,28 +133,30 @@ def adaptive(
     from ._plot_leaves import leaf_figure
     from ._to_vtk import write_leaves
     from .adaptive import adaptive as refine
+    from .adaptive import check_error
     from .plot import save_figure
 
     say = Reporter(quiet, as_json)
     check_suffix(target, (".vtu",))
     if plot is not None:
         check_suffix(plot, (".png",))
-    grid = load(source, key, target, say, fill)
+    settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
+    with as_input():
+        check_error(tolerance)
+    grid = load(source, key, target, say, fill, periodic_names(periodic))
     check_fairable(grid)
     around = periodic_axes(grid, periodic)
     size = " x ".join(str(n) for n in grid.shape)
     with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill, around)
-    try:
-        with precision(single), say.working("refining") as move:
-            found = refine(field, tolerance, move)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+        field = fair(grid, method, settings, fill, around)
+    with precision(single), say.working("refining") as move, as_input():
+        found = refine(field, tolerance, move)
     with say.working(f"writing {target}"):
         write_leaves(target, found, grid)
     if plot is not None:
         with say.working(f"drawing {plot}"):
-            save_figure(leaf_figure(found, source.name, grid.rows_ascend), plot)
+            save_figure(leaf_figure(found, grid, source.name), plot)
     text = f"{len(found)} leaves, error at most {found.error:.4g}"
     say.done(target, text, leaves=len(found), vertices=len(found.vertices), error=found.error)
 

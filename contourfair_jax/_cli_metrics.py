@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import numpy as np
 import typer
 
+from ._axis_units import length_unit
 from ._console import Reporter
+from ._levels import check_choice
 from ._options import (
     Count,
     Fill,
@@ -26,12 +28,12 @@ from ._options import (
     Weight,
     examples,
 )
-from ._run import Settings, check_fairable, fair, precision
-from ._steps import check_suffix, levels_of
-from .io import read
+from ._run import Settings, check_fairable, check_options, fair, precision
+from ._steps import check_suffix, levels_of, load
 
 if TYPE_CHECKING:
     from ._field import BezierField
+    from .io import Grid
 
 Step: TypeAlias = Callable[[], None]
 # Places where parts merge or split that are listed in words.
@@ -57,8 +59,8 @@ def metrics(
 ) -> None:
     """Measure contours, or isosurfaces, level by level: bilinear (trilinear) beside fair.
 
-    Below the table: what leaves the range of the samples, the largest jump of the slope, sums over
-    all levels, and where parts merge or split.
+    Below the table: what leaves the range of the samples, the largest jump of the slope, integrals
+    over all levels, not only those of the table, and where parts merge or split.
     """
     from ._changes import changes
     from ._compare import bilinear_field
@@ -66,12 +68,14 @@ def metrics(
     say = Reporter(quiet, as_json)
     if plot is not None:
         check_suffix(plot, (".png",))
-    with say.working(f"reading {source}"):
-        grid = read(source, key)
+    settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
+    check_choice(levels, interval, count)
+    grid = load(source, key, plot, say, fill)
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing and measuring") as progress:
-        field = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+        field = fair(grid, method, settings, fill)
         # Each level of both fields is a step, and of the search for changes.
         done, steps = counting(1), 3 * len(chosen)
 
@@ -83,7 +87,7 @@ def metrics(
         fields = {plain: bilinear_field(field), "fair": field}
         tables = {name: measure(each, chosen, moved) for name, each in fields.items()}
         whole = {name: _whole(each) for name, each in fields.items()}
-        whole["fair"] |= _sums(field)
+        integrals = _integrals(field)
         changed = changes(fields[plain], field, chosen, moved)
     if plot is not None:
         from ._plot_metrics import metrics_figure
@@ -91,16 +95,25 @@ def metrics(
 
         with say.working(f"drawing {plot}"):
             save_figure(metrics_figure(chosen, header, tables, source.name), plot)
+    units = _integral_units(grid)
     if as_json:
         rows = {
             name: [dict(zip(header, row, strict=True)) for row in rows]
             for name, rows in tables.items()
         }
         places = [vars(change) for change in changed]
-        say.result({"levels": chosen, "table": rows, "whole": whole, "changes": places})
+        say.result(
+            {
+                "levels": chosen,
+                "table": rows,
+                "whole": whole,
+                "integrals": {"units": units, **integrals},
+                "changes": places,
+            }
+        )
         return
     _print_table(chosen, header, tables)
-    _print_rest(whole, changed)
+    _print_rest(whole, integrals, units, changed)
 
 
 def _print_table(
@@ -113,11 +126,18 @@ def _print_table(
             typer.echo(f"{level:12.6g} {name:<10}{figures}")
 
 
-def _print_rest(whole: dict[str, dict[str, float]], changes: list[Any]) -> None:
+def _print_rest(
+    whole: dict[str, dict[str, float]],
+    integrals: dict[str, float],
+    units: dict[str, str],
+    changes: list[Any],
+) -> None:
     """Figures of the whole fields, and the first places where parts merge or split."""
     for name, figures in whole.items():
         text = ", ".join(f"{what} {figure:.4g}" for what, figure in figures.items())
         typer.echo(f"{name}: {text}")
+    text = ", ".join(f"{what} {figure:.4g} {units[what]}" for what, figure in integrals.items())
+    typer.echo(f"fair, integrated over all levels, lowest to highest: {text}")
     for change in changes[:_LISTED]:
         typer.echo(str(change))
     if len(changes) > _LISTED:
@@ -152,22 +172,27 @@ def _whole(field: BezierField) -> dict[str, float]:
     return {"overshoot": overshoot(field), "slope jump": c1_jump(field)}
 
 
-def _sums(field: BezierField) -> dict[str, float]:
+def _integrals(field: BezierField) -> dict[str, float]:
     """Over all levels of a C1 field; a bilinear one has kinks besides, which are not in them."""
     from .metrics import coarea, surface_coarea
 
     if field.ndim == 3:
         surfaces = surface_coarea(field)
-        return {
-            "area over all levels": surfaces.area,
-            "bending/4pi over all levels": surfaces.bending / (4 * np.pi),
-        }
-    sums = coarea(field)
+        return {"area": surfaces.area, "bending/4pi": surfaces.bending / (4 * np.pi)}
+    lines = coarea(field)
     return {
-        "length over all levels": sums.length,
-        "turning/2pi over all levels": sums.turning / (2 * np.pi),
-        "bending over all levels": sums.bending,
+        "length": lines.length,
+        "turning/2pi": lines.turning / (2 * np.pi),
+        "bending": lines.bending,
     }
+
+
+def _integral_units(grid: Grid) -> dict[str, str]:
+    """The units of the integrals: those of the values times those of what is integrated."""
+    value, length = grid.units or "value", length_unit(grid) or "length"
+    if grid.ndim == 3:
+        return {"area": f"{value} × {length}²", "bending/4pi": value}
+    return {"length": f"{value} × {length}", "turning/2pi": value, "bending": f"{value} / {length}"}
 
 
 COMMANDS = {

@@ -22,8 +22,9 @@ class Coarea:
     Parameters
     ----------
     length, turning, bending : float
-        Integrals over the levels of length, of absolute turning (radians), and of squared curvature
-        integrated along the contours.
+        Integrals over the level of length, of absolute turning (radians), and of squared curvature
+        integrated along the contours.  Their units are those of the values times those of length,
+        radians, and one over length.
     """
 
     length: float
@@ -38,8 +39,9 @@ class SurfaceCoarea:
     Parameters
     ----------
     area, bending : float
-        Integrals over the levels of area, and of squared mean curvature integrated over the
-        isosurfaces.
+        Integrals over the level of area, and of squared mean curvature integrated over the
+        isosurfaces.  Their units are those of the values times those of area, and those of the
+        values.
     """
 
     area: float
@@ -51,10 +53,10 @@ def coarea(field: BezierField, order: int = 4) -> Coarea:
 
     By the coarea formula, with the curvature k of the contour through each point::
 
-        sum over levels of (integral of q along contours) = integral of q |grad f| over the grid
+        integral over the level of (integral of q along contours) = integral of q |grad f|
 
-    for q = 1, |k| and k^2, with `order` Gauss points per axis and cell.  NaN cells are left out,
-    and so are kinks between cells, which a C1 field does not have.
+    over the grid, for q = 1, |k| and k^2, with `order` Gauss points per axis and cell.  NaN cells
+    are left out, and so are kinks between cells, which a C1 field does not have.
 
     Raises
     ------

@@ -53,12 +53,13 @@ def level_metrics(
     step : float
         In units of the coordinates; a quarter of a cell suits.
     levels : sequence of float
-        By default those of the lines.
+        By default those of the lines; lines of other levels are left out.
     """
     if not 0 < step < np.inf:
         raise ValueError(f"step must be a length above zero, got {step!r}")
     known = np.unique([line.level for line in lines] if levels is None else levels).astype(float)
-    if not len(lines):
+    lines = [line for line in lines if line.level in known]
+    if not lines:
         return [LevelMetrics(level, 0.0, 0.0, 0.0, 0, 0) for level in known.tolist()]
     number = np.searchsorted(known, [line.level for line in lines])
     closed = np.array([line.closed for line in lines])

@@ -9,10 +9,23 @@ from .io import InputError
 MOST_LEVELS = 10_000
 
 
+def check_choice(
+    levels: str | None = None, interval: float | None = None, count: int | None = None
+) -> None:
+    """Refuse options of these names that are wrong whatever the samples are."""
+    if sum(option is not None for option in (levels, interval, count)) > 1:
+        raise InputError("give only one of --levels, --interval and --count")
+    if levels is not None:
+        listed_levels(levels)
+    if interval is not None and not (math.isfinite(interval) and interval > 0):
+        raise InputError(f"interval must be positive, got {interval:g}")
+    if count is not None and not 1 <= count <= MOST_LEVELS:
+        raise InputError(f"count must be 1 to {MOST_LEVELS}, got {count}")
+
+
 def even_levels(values: np.ndarray, count: int) -> list[float]:
     """`count` levels that divide the range of `values` into equal parts; none if it is flat."""
-    if count < 1 or count > MOST_LEVELS:
-        raise InputError(f"count must be 1 to {MOST_LEVELS}, got {count}")
+    check_choice(count=count)
     lowest, highest = value_range(values)
     if lowest == highest:
         return []
@@ -21,8 +34,7 @@ def even_levels(values: np.ndarray, count: int) -> list[float]:
 
 def interval_levels(values: np.ndarray, interval: float) -> list[float]:
     """The multiples of `interval` strictly inside the range of `values`."""
-    if not (math.isfinite(interval) and interval > 0):
-        raise InputError(f"interval must be positive, got {interval:g}")
+    check_choice(interval=interval)
     lowest, highest = value_range(values)
     if (highest - lowest) / interval > MOST_LEVELS:
         raise InputError(
@@ -37,8 +49,7 @@ def choose_levels(
     values: np.ndarray, levels: str | None, interval: float | None, count: int | None
 ) -> tuple[list[float], str]:
     """The levels that the options of the same names ask for (10 by default), and a note."""
-    if sum(option is not None for option in (levels, interval, count)) > 1:
-        raise InputError("give only one of --levels, --interval and --count")
+    check_choice(levels, interval, count)
     if levels is not None:
         chosen = listed_levels(levels)
     elif interval is not None:

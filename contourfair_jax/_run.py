@@ -111,10 +111,30 @@ def choose_method(grid: Grid, method: str, settings: Settings) -> AbstractFairin
     InputError
         The method is unknown or a setting is out of its range.
     """
-    if method not in METHODS:
-        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    check_options(method, settings)
     try:
         return METHODS[method](grid, settings)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def check_options(method: str, settings: Settings, fill: bool = False) -> None:
+    """Refuse what no samples could be faired with, before any are read.
+
+    Raises
+    ------
+    InputError
+        The method is unknown, a setting is out of its range, or the method fills no gaps.
+    """
+    if method not in METHODS:
+        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    check_fill(method, fill)
+    if settings == Settings():
+        return
+    from . import GlobalFairing, LocalFairing
+
+    try:
+        _chosen(LocalFairing() if method == "local" else GlobalFairing(), settings)
     except ValueError as error:
         raise InputError(str(error)) from error
 
@@ -125,6 +145,11 @@ def check_fill(method: str, fill: bool) -> None:
         raise InputError("--fill needs --method global or tune; local fairing leaves gaps")
 
 
+def periodic_names(names: str | None) -> list[str]:
+    """The names of the option ``--periodic``, which are separated by commas."""
+    return [name.strip() for name in names.split(",")] if names else []
+
+
 def periodic_axes(grid: Grid, names: str | None) -> tuple[int, ...]:
     """The axes of the names, separated by commas, that go all the way round.
 
@@ -133,7 +158,7 @@ def periodic_axes(grid: Grid, names: str | None) -> tuple[int, ...]:
     InputError
         The grid has no such axis, or one that is in degrees and covers no full turn.
     """
-    wanted = [name.strip() for name in names.split(",")] if names else []
+    wanted = periodic_names(names)
     for name in wanted:
         if name not in grid.axes:
             raise InputError(

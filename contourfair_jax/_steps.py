@@ -1,43 +1,83 @@
 """What several commands do: read the input, check the names of files, choose levels."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from ._apart import check_apart
+from ._axis_units import degrees_note
 from ._console import Reporter
 from ._describe import describe_missing, missing_note
 from ._levels import choose_levels
 from ._run import result_dtype
 from .io import Grid, InputError, read, read_bands
 from .io._atomic import check_parent, check_target
+from .io._geometry import seam_note
 
 
-def load(source: Path, key: str | None, target: Path, say: Reporter, fill: bool = False) -> Grid:
-    """Read the samples and tell what is to be known about them."""
-    return _load(lambda: (read(source, key),), source, target, say, fill)[0]
+def load(
+    source: Path,
+    key: str | None,
+    target: Path | None,
+    say: Reporter,
+    fill: bool = False,
+    joined: Sequence[str] | None = None,
+) -> Grid:
+    """Read the samples and tell what is to be known about them.
+
+    Parameters
+    ----------
+    joined
+        The axes that ``--periodic`` names; None for a command that has no such option.
+    """
+    return _load(lambda: (read(source, key),), source, target, say, fill, joined)[0]
 
 
-def load_bands(source: Path, target: Path, say: Reporter, fill: bool = False) -> tuple[Grid, ...]:
+def load_bands(
+    source: Path,
+    target: Path,
+    say: Reporter,
+    fill: bool = False,
+    joined: Sequence[str] | None = None,
+) -> tuple[Grid, ...]:
     """As `load`, for all bands of a file; what holds for several of them is told once."""
-    return _load(lambda: read_bands(source), source, target, say, fill)
+    return _load(lambda: read_bands(source), source, target, say, fill, joined)
 
 
 def _load(
-    reading: Callable[[], tuple[Grid, ...]], source: Path, target: Path, say: Reporter, fill: bool
+    reading: Callable[[], tuple[Grid, ...]],
+    source: Path,
+    target: Path | None,
+    say: Reporter,
+    fill: bool,
+    joined: Sequence[str] | None,
 ) -> tuple[Grid, ...]:
-    check_parent(target)
-    check_apart(source, target)
+    if target is not None:
+        check_parent(target)
+        check_apart(source, target)
     with say.working(f"reading {source}"):
         grids = reading()
-    notes = [note for grid in grids for note in grid.notes]
+    notes = [note for grid in grids for note in _of_grid(grid, joined) + degrees_note(grid)]
     notes += [
         missing_note(describe_missing(grid), fill) for grid in grids if grid.missing is not None
     ]
     for note in dict.fromkeys(notes):
         say.note(note)
     return grids
+
+
+def _of_grid(grid: Grid, joined: Sequence[str] | None) -> tuple[str, ...]:
+    """The notes of a grid, as they are where seams can be joined."""
+    if joined is None:
+        return grid.notes
+    seams = {seam_note(name): name for name in grid.axes}
+    return tuple(
+        f"{note} (--periodic {seams[note]} joins them)" if note in seams else note
+        for note in grid.notes
+        if seams.get(note) not in joined
+    )
 
 
 def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
@@ -51,6 +91,17 @@ def check_suffix(target: Path, known: tuple[str, ...]) -> None:
     if target.suffix.lower() not in known:
         raise InputError(f"{target}: the name must end in {', '.join(known)}")
     check_target(target)
+
+
+@contextmanager
+def as_input() -> Iterator[None]:
+    """What the engine refuses is input that cannot be used, to be told in one line."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(str(error)) from error
 
 
 def levels_of(

@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ._apart import check_apart
+from ._axis_units import degrees_note
 from ._console import Reporter
 from ._describe import Output, describe_count, missing_note
 from ._run import (
     Settings,
     check_axes,
     check_fairable,
-    check_fill,
     choose_method,
     fair,
     periodic_axes,
+    periodic_names,
     precision,
     result_dtype,
 )
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 # Samples of a ``.npy`` file from which on it is read and written in tiles.
 _LARGE = 2**24
 _PARTS = (".npy", ".zarr")
+# Where refined samples lie between those of whole numbers.
+_BETWEEN = 0.25
 
 
 @dataclass(frozen=True)
@@ -104,14 +107,15 @@ def upsample_whole(
     InputError
         The file cannot be read, faired or written.
     """
+    joined = periodic_names(periodic)
     if bands:
-        grids = load_bands(source, target, say, fill)
+        grids = load_bands(source, target, say, fill, joined)
     else:
-        grids = (load(source, key, target, say, fill),)
+        grids = (load(source, key, target, say, fill, joined),)
     for grid in grids:
         check_fairable(grid, factor)
     dtype = np.result_type(*(result_dtype(grid, single) for grid in grids))
-    check_writable(target, *(replace(each, values=each.values.astype(dtype)) for each in grids))
+    check_writable(target, *(_like_refined(each, factor, dtype) for each in grids))
     warn_narrowing(grids[0], single, say)
     around = periodic_axes(grids[0], periodic)
     shape, count = grids[0].shape, len(grids)
@@ -131,6 +135,14 @@ def upsample_whole(
     for note in notes:
         say.note(note)
     return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
+
+
+def _like_refined(grid: Grid, factor: int, dtype: np.dtype) -> Grid:
+    """The samples as their refinement is: of its type, and between whole numbers."""
+    values = grid.values.astype(dtype)
+    if factor > 1:
+        values = values + dtype.type(_BETWEEN)
+    return replace(grid, values=values)
 
 
 def upsample_in_tiles(
@@ -157,10 +169,10 @@ def upsample_in_tiles(
     from ._tile_run import Job
     from ._tile_source import Held
     from ._tile_state import Unfinished
+    from ._whole_output import whole_output
 
     if division.workers < 1:
         raise InputError(f"--workers must be 1 or more, got {division.workers}")
-    check_fill(method, fill)
     grid, opened = _opened(source, target, method, key, fill, say)
     check_axes(grid)
     warn_narrowing(grid, single, say)
@@ -168,6 +180,15 @@ def upsample_in_tiles(
     tiling = _tiling(chosen, grid, factor)
     kind = np.dtype(np.float32 if single else np.float64)
     stored, state = result_dtype(grid, single), Unfinished(target)
+    earlier = whole_output(source, state, tiling.fine_shape, stored) if division.resume else None
+    if earlier is not None:
+        say.note(
+            "nothing to resume: the output is there, whole, from an earlier run, and is left as it "
+            "is; without --resume it is computed anew"
+        )
+        return earlier
+    if division.resume and not state.started:
+        say.note("nothing to resume: there is no unfinished run, so all is computed")
     check_room(tiling, kind, stored, state)
     finer = _outline(grid, factor, stored)
     job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind, fill)
@@ -225,7 +246,7 @@ def _opened(
     else:
         values = opened.open()
         grid = Grid(np.broadcast_to(np.zeros((), values.dtype), values.shape))
-    for note in grid.notes:
+    for note in grid.notes + degrees_note(grid):
         say.note(note)
     return grid, opened
 

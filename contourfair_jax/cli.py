@@ -21,6 +21,7 @@ from ._cli_meshes import COMMANDS as MESHES
 from ._cli_metrics import COMMANDS as METRICS
 from ._console import Reporter
 from ._describe import facts, information
+from ._levels import check_choice
 from ._options import (
     SUMMARY,
     WRITABLE,
@@ -45,7 +46,7 @@ from ._options import (
     examples,
     output,
 )
-from ._run import Settings, check_fairable, fair, precision
+from ._run import Settings, check_fairable, check_options, fair, precision
 from ._steps import check_suffix, levels_of, load
 from ._upsample import Division, is_tiled, upsample_in_tiles, upsample_whole
 from ._window import choose_window
@@ -122,6 +123,7 @@ def upsample(
     if factor < 1:
         raise InputError(f"--factor must be 1 or more, got {factor}")
     settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
@@ -172,6 +174,9 @@ def compare(
 
     say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
+    settings = Settings(iterations, thin_plate_weight)
+    check_options(method, settings, fill)
+    check_choice(levels, interval, count)
     whole = load(source, key, target, say, fill)
     check_fairable(whole, ndim=(2,))
     ranges, note = choose_window(whole, crop)
@@ -184,15 +189,13 @@ def compare(
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing the samples and drawing"):
         plain = fair(grid, "local", Settings(iterations=0))
-        faired = fair(grid, method, Settings(iterations, thin_plate_weight), fill)
+        faired = fair(grid, method, settings, fill)
         panels = {
             "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),
             "thin plate": plain,
             "faired": faired,
         }
-        figure = compare_figure(
-            panels, chosen, upward=grid.rows_ascend, title=f"{source.name}: {shown}"
-        )
+        figure = compare_figure(panels, chosen, grid=grid, title=f"{source.name}: {shown}")
         save_figure(figure, target)
     say.done(target, f"{shown}, {len(chosen)} levels", window=ranges, levels=chosen)
 

@@ -201,7 +201,10 @@ def _notes(level: float, vertices: int, unmet: int, unproved: int) -> tuple[str,
     if unproved:
         notes.append(f"{unproved} cells may hold small parts that the surface does not show")
     if unmet:
-        notes.append(f"{unmet} edges may be farther from the surface than the tolerance")
+        notes.append(
+            f"{unmet} edges may be farther from the surface than the tolerance, where the field is "
+            "too rough for it: take a larger tolerance, or finer samples"
+        )
     return tuple(notes)
 
 

@@ -14,18 +14,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ._bilinear import BilinearField as BilinearField
+from ._plot_frame import Frame, frame_of
+from ._plot_levels import LINE, SHADES, band_bar, draw_bands, draw_levels, line_width
+from ._plot_levels import level_colors as level_colors
 from ._plot_surface import draw_surface as draw_surface
 from ._plot_surface import surface_figure as surface_figure
-from .io import InputError, replacing
+from .io import ContourLine, Grid, InputError, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LINE = "#1a1a1a"
-_SHADES = "viridis"
+    from ._bands import Bands
+
 # Samples are dotted where there are at most this many along the longer axis.
 _DOTS = 24
+_LONGEST = 8.0
 
 
 class Refinable(Protocol):
@@ -46,13 +50,17 @@ def plot_contours(
     levels: Sequence[float],
     *,
     ax: Axes | None = None,
+    grid: Grid | None = None,
+    lines: Sequence[ContourLine] | None = None,
+    bands: Bands | None = None,
     refine: int | None = None,
     shade: bool = True,
+    label: bool = False,
     upward: bool = False,
     limits: tuple[float, float] | None = None,
     title: str = "",
 ) -> Axes:
-    """Draw the contours of a 2-D field over its values.
+    """Draw the contours of a 2-D field over its values, or over the bands between levels.
 
     Parameters
     ----------
@@ -62,12 +70,22 @@ def plot_contours(
         The values to draw lines at.
     ax
         Where to draw; by default on a new figure, ``ax.figure``.
+    grid
+        Whose samples the field was made from: the axes then show its world coordinates, north up,
+        with their names and units.  By default they show those of the field.
+    lines
+        The contours, where they are traced already.
+    bands
+        Drawn as areas of one colour each, in the place of the values.
     refine
         How much finer than the samples to draw; by default enough for a sharp picture.
     shade
         Whether the values are shown as colours behind the lines.
+    label
+        Whether long lines are labelled with their levels.
     upward
-        Whether axis 0 points up; by default row 0 is at the top, as in an image.
+        Whether axis 0 points up; by default row 0 is at the top, as in an image.  Of a `grid`, its
+        coordinates say so.
     limits
         Values at the ends of the colour scale; by default the range of the field.
     title
@@ -79,24 +97,31 @@ def plot_contours(
     """
     if len(field.shape) != 2:
         raise ValueError(f"field must be 2-D to be drawn, got {len(field.shape)}-D")
-    spacing, origin = _geometry(field)
-    values = np.ma.masked_invalid(np.asarray(field.refine(refine or drawing_factor(field.shape))))
+    frame = Frame(upward=upward) if grid is None else frame_of(grid)
+    values = _drawn_values(field, refine or drawing_factor(field.shape))
     if ax is None:
-        ax = _new_axes(field)
+        ax = _new_axes(field, frame)
+    spacing, origin = _geometry(field)
     y, x = (
-        np.linspace(start, start + step * (n - 1), size)
-        for start, step, n, size in zip(origin, spacing, field.shape, values.shape, strict=True)
+        frame.along(k, start, start + step * (n - 1), size)
+        for k, (start, step, n, size) in enumerate(
+            zip(origin, spacing, field.shape, values.shape, strict=True)
+        )
     )
-    if shade:
-        _shade(ax, x, y, values, limits or (values.min(), values.max()))
-    inside = sorted({float(level) for level in levels if values.min() < level < values.max()})
-    if inside:
-        _draw_lines(ax, field, x, y, values, inside)
+    ends = (float(values.min()), float(values.max())) if values.count() else (0.0, 0.0)
+    if bands is not None:
+        draw_bands(ax, bands, frame, ends)
+    elif shade:
+        _shade(ax, x, y, values, limits or ends)
+    frame.set_limits(ax, (y[0], y[-1]), (x[0], x[-1]))
+    inside = sorted({float(level) for level in levels if ends[0] < level < ends[1]})
+    trace = getattr(field, "contours", None)
+    if inside and trace is None:
+        ax.contour(x, y, values, levels=inside, colors=LINE, linewidths=line_width(len(inside)))
+    elif trace is not None:
+        draw_levels(ax, trace(inside) if lines is None else lines, frame, label)
     if max(field.shape) <= _DOTS:
         _dots(ax, x, y, field.shape)
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(*((y[0], y[-1]) if upward else (y[-1], y[0])))
-    ax.set_aspect("equal")
     ax.set_title(title)
     return ax
 
@@ -105,33 +130,50 @@ def contour_figure(
     field: Refinable,
     levels: Sequence[float],
     *,
+    grid: Grid | None = None,
+    lines: Sequence[ContourLine] | None = None,
+    bands: Bands | None = None,
     refine: int | None = None,
     shade: bool = True,
     upward: bool = False,
     units: str = "",
     title: str = "",
 ) -> Figure:
-    """One field with its contours and a colour bar that marks the levels.
+    """One field with its contours, some of them labelled, and a colour bar that marks the levels.
 
     Parameters
     ----------
-    field, levels, refine, shade, upward, title
-        As for `plot_contours`.
+    field, levels, grid, lines, bands, refine, shade, upward, title
+        As for `plot_contours`; the bar shows the colours of `bands` where they are given.
     units
-        Text beside the colour bar.
+        Text beside the colour bar; by default the units of `grid`.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
-    ax = plot_contours(field, levels, refine=refine, shade=shade, upward=upward, title=title)
+    ax = plot_contours(
+        field,
+        levels,
+        grid=grid,
+        lines=lines,
+        bands=bands,
+        refine=refine,
+        shade=shade,
+        label=True,
+        upward=upward,
+        title=title,
+    )
     figure = ax.get_figure(root=True)
     assert figure is not None
-    if ax.images:
+    units = units or ("" if grid is None else grid.units)
+    if bands is not None:
+        band_bar(ax, units)
+    elif ax.images:
         bar = figure.colorbar(ax.images[0], ax=ax, shrink=0.8, label=units)
         low, high = ax.images[0].get_clim()
         inside = [at for at in levels if low < at < high]
-        bar.add_lines(inside, [_LINE] * len(inside), 0.8)
+        bar.add_lines(inside, [LINE] * len(inside), 0.8)
     return figure
 
 
@@ -139,6 +181,7 @@ def compare_figure(
     fields: Mapping[str, Refinable],
     levels: Sequence[float],
     *,
+    grid: Grid | None = None,
     refine: int | None = None,
     shade: bool = True,
     upward: bool = False,
@@ -150,7 +193,7 @@ def compare_figure(
     ----------
     fields
         Panels from left to right: heading to field.
-    levels, refine, shade, upward
+    levels, grid, refine, shade, upward
         As for `plot_contours`.
     title
         Text above all panels.
@@ -164,7 +207,8 @@ def compare_figure(
     if not fields:
         raise ValueError("fields must hold at least one field, got none")
     first = next(iter(fields.values()))
-    height, width = _extent(first)
+    frame = Frame() if grid is None else frame_of(grid)
+    width, height = frame.size(*_extent(first), 1.0)
     panel = 4.5
     tall = min(max(panel * height / width, 2.0), 9.0)
     figure = Figure(figsize=(panel * len(fields), tall + 0.7), layout="compressed")
@@ -176,14 +220,14 @@ def compare_figure(
             field,
             levels,
             ax=ax,
+            grid=grid,
             refine=refine,
             shade=shade,
             upward=upward,
             limits=limits,
             title=name,
         )
-        ax.set_xticks([])
-        ax.set_yticks([])
+        ax.set(xticks=[], yticks=[], xlabel="", ylabel="")
     if title:
         figure.suptitle(title, fontsize="medium")
     return figure
@@ -202,15 +246,6 @@ def drawing_factor(shape: Sequence[int]) -> int:
     return min(max(4, math.ceil(1000 / max(shape))), 32)
 
 
-def level_colors(count: int) -> list[str]:
-    """`count` colours from dark to light, as ``#rrggbb``."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    # The lightest fifth of the map cannot be seen on white.
-    return [to_hex(colormaps[_SHADES](at)) for at in np.linspace(0.0, 0.8, count)]
-
-
 def _geometry(field: Refinable) -> tuple[list[float], list[float]]:
     spacing = np.broadcast_to(np.asarray(getattr(field, "spacing", 1.0)), (2,))
     origin = np.broadcast_to(np.asarray(getattr(field, "origin", 0.0)), (2,))
@@ -223,13 +258,30 @@ def _extent(field: Refinable) -> tuple[float, float]:
     return height, width
 
 
-def _new_axes(field: Refinable) -> Axes:
+def _new_axes(field: Refinable, frame: Frame) -> Axes:
     from matplotlib.figure import Figure
 
-    height, width = _extent(field)
-    scale = 8.0 / max(height, width)
-    size = (max(width * scale, 2.0), max(height * scale, 2.0) + 0.4)
+    width, height = frame.size(*_extent(field), _LONGEST)
+    size = (max(width, 2.0), max(height, 2.0) + 0.4)
     return Figure(figsize=size, layout="compressed").add_subplot()
+
+
+def _drawn_values(field: Refinable, factor: int) -> np.ma.MaskedArray:
+    """Values on the finer grid, masked outside the cells that have values throughout.
+
+    A sample between cells that are missing has a value, and so has a side between two such cells:
+    they would be drawn as dots and hairs.
+    """
+    values = np.asarray(field.refine(factor))
+    known = np.isfinite(values)
+    for axis, n in enumerate(field.shape):
+        inner = [known.take(factor * np.arange(n - 1) + k, axis) for k in range(factor + 1)]
+        known = np.logical_and.reduce(inner)
+    for axis, size in enumerate(values.shape):
+        at, last = np.arange(size), known.shape[axis] - 1
+        before, after = np.maximum(at - 1, 0) // factor, np.minimum(at // factor, last)
+        known = known.take(before, axis) | known.take(after, axis)
+    return np.ma.masked_array(values, ~known)
 
 
 def _shade(
@@ -239,7 +291,7 @@ def _shade(
     edge_y, edge_x = (y[1] - y[0]) / 2, (x[1] - x[0]) / 2
     ax.imshow(
         values,
-        cmap=_SHADES,
+        cmap=SHADES,
         vmin=limits[0],
         vmax=limits[1],
         alpha=0.55,
@@ -249,31 +301,8 @@ def _shade(
     )
 
 
-def _draw_lines(
-    ax: Axes,
-    field: Refinable,
-    x: np.ndarray,
-    y: np.ndarray,
-    values: np.ndarray,
-    levels: Sequence[float],
-) -> None:
-    """The exact contours of a field that has them, else those of the refined values."""
-    width = _line_width(len(levels))
-    trace = getattr(field, "contours", None)
-    if trace is None:
-        ax.contour(x, y, values, levels=levels, colors=_LINE, linewidths=width)
-    else:
-        from .export import draw_lines
-
-        draw_lines(trace(levels), ax, _LINE, width)
-
-
 def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, shape: Sequence[int]) -> None:
     """A dot on every sample."""
     rows, columns = (np.linspace(at[0], at[-1], n) for at, n in zip((y, x), shape, strict=True))
     dots_x, dots_y = np.meshgrid(columns, rows)
-    ax.plot(dots_x.ravel(), dots_y.ravel(), ".", color=_LINE, markersize=2.5, alpha=0.6)
-
-
-def _line_width(count: int) -> float:
-    return 1.0 if count <= 12 else 0.7 if count <= 25 else 0.45
+    ax.plot(dots_x.ravel(), dots_y.ravel(), ".", color=LINE, markersize=2.5, alpha=0.6)

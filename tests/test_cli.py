@@ -166,6 +166,20 @@ def test_contours_go_on_through_the_seam(run, around, tmp_path):
     assert 0.99 * width < max(drawn) <= width
 
 
+@pytest.mark.parametrize("target", ["lines.csv", "fine.nc"])
+def test_of_a_seam_only_what_is_open_is_told(run, around, tmp_path, target):
+    """With the option that joins it; where it is joined, nothing."""
+    command = "contours" if target == "lines.csv" else "upsample"
+    call = (command, around, "-o", tmp_path / target)
+    assert "are left out (--periodic x joins them)" in run(*call)[2]
+    assert "goes all around" not in run(*call, "--periodic", "x")[2]
+
+
+def test_commands_that_cannot_join_a_seam_name_no_option(run, around, tmp_path):
+    err = run("compare", around, "-o", tmp_path / "figure.png", "--crop", "all")[2]
+    assert "first sample are left out\n" in err
+
+
 def test_what_is_not_periodic_is_refused(run, around, tmp_path):
     np.save(tmp_path / "in.npy", hill())
     faults = [
@@ -328,6 +342,25 @@ def test_a_constant_field_has_no_contours(run, tmp_path):
         assert "no level lies within the samples, which are 7 to 7" in err
 
 
+@pytest.mark.parametrize(
+    ("top", "crs", "said"),
+    [
+        (50.0, "EPSG:4326", "one of longitude is 0.64 of one of latitude at 50 degrees"),
+        (-50.0, "EPSG:4326", "one of longitude is 0.62 of one of latitude at 51.6 degrees"),
+        (5.0, "EPSG:4326", ""),
+        (50.0, "EPSG:32633", ""),
+        (50.0, None, ""),
+    ],
+)
+def test_distances_in_degrees_are_told(run, tmp_path, top, crs, said):
+    affine = np.array([[-0.2, 0.0, top], [0.0, 0.2, 4.0], [0.0, 0.0, 1.0]])
+    write(tmp_path / "in.tif", Grid(hill(), affine=affine, crs=crs))
+    code, _, err = run("contours", tmp_path / "in.tif", "-o", tmp_path / "o.csv", "--count", 1)
+    assert code == 0
+    assert said in err
+    assert ("degrees" in err) == bool(said)
+
+
 def test_levels():
     values = np.array([[0.0, 10.0], [np.nan, 5.0]])
     assert even_levels(values, 4) == [2.0, 4.0, 6.0, 8.0]
@@ -363,6 +396,23 @@ def test_filled_contours(run, dem, tmp_path, suffix):
     bands = geopandas.read_file(target)
     assert bands.crs.to_epsg() == 32633
     assert bands.area.sum() == pytest.approx(8 * 30 * 10 * 20)
+
+
+def test_filled_contours_as_a_picture(run, dem, tmp_path):
+    """Three colours are most of what is not white; without --filled, values are shaded."""
+    share = {}
+    for options in ((), ("--filled",)):
+        target = tmp_path / "picture.png"
+        assert run("contours", dem, "-o", target, "--levels", "50,100", *options)[0] == 0
+        with Image.open(target) as image:
+            shown = np.asarray(image.convert("RGB")).reshape(-1, 3)
+        counts = np.unique(shown[(shown < 255).any(1)], axis=0, return_counts=True)[1]
+        share[options] = np.sort(counts)[-3:].sum() / counts.sum()
+    assert share[()] < 0.3 < 0.8 < share[("--filled",)]
+    beside = ("-o", tmp_path / "bands.json", "--plot", tmp_path / "bands.png")
+    assert run("contours", dem, "--levels", "50,100", "--filled", *beside)[0] == 0
+    with Image.open(beside[-1]) as image, Image.open(target) as other:
+        np.testing.assert_array_equal(np.asarray(image), np.asarray(other))
 
 
 def test_filled_contours_tell_what_there_is_to_know(run, dem, tmp_path):
@@ -459,6 +509,24 @@ def test_nothing_of_pyplot_is_touched(run, dem, tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)
     run("compare", dem, "-o", tmp_path / "figure.png")
     assert "matplotlib.pyplot" not in sys.modules
+
+
+# ---- metrics -------------------------------------------------------------------------------
+
+
+def test_metrics_tell_what_is_missing_and_what_the_integrals_are(run, dem, tmp_path):
+    values = hill()
+    values[0, 0] = np.nan
+    np.save(tmp_path / "in.npy", values)
+    code, out, err = run("metrics", tmp_path / "in.npy", "--levels", "100")
+    assert (code, "missing samples: 1 of 99" in err) == (0, True)
+    (line,) = (line for line in out.splitlines() if "integrated over all levels" in line)
+    assert re.search(r"length [\d.e+]+ value × length, turning/2pi [\d.e+]+ value, bending", line)
+    found = json.loads(run("metrics", dem, "--levels", "100", "--json")[1])
+    integrals = found["integrals"]
+    assert integrals["units"] == {"length": "m × m", "turning/2pi": "m", "bending": "m / m"}
+    field = cf.fair_field(hill(), spacing=(30.0, 20.0))
+    assert integrals["length"] == pytest.approx(cf.metrics.coarea(field).length)
 
 
 # ---- info ----------------------------------------------------------------------------------
@@ -571,6 +639,15 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
             ("contours", "in.npy", "-o", "o.svg", "--count", "3", "--interval", "2"),
             "give only one of --levels, --interval and --count",
         ),
+        (("contours", "none.npy", "-o", "o.svg", "-t", "0"), "tolerance must be a distance"),
+        (("contours", "none.npy", "-o", "o.svg", "--levels", "1,x"), "levels must be numbers"),
+        (("contours", "none.npy", "-o", "o.svg", "-m", "best"), "method must be one of"),
+        (("compare", "none.npy", "-o", "o.png", "--count", "0"), "count must be 1 to"),
+        (("metrics", "none.npy", "--interval", "-1"), "interval must be positive"),
+        (("metrics", "none.npy", "--fill"), "--fill needs --method global"),
+        (("adaptive", "none.npy", "-o", "o.vtu", "-t", "0"), "tolerance must be above zero"),
+        (("isosurface", "none.npy", "-o", "o.vtp", "-l", "1", "-t", "0"), "must be a distance"),
+        (("upsample", "none.npy", "-o", "out.npy", "--iterations", "-1"), "iterations must be"),
         (("contours", "volume.npy", "-o", "o.svg"), "the samples are 3-D (3 x 3 x 3); 2-D data"),
         (("compare", "in.npy", "-o", "figure.pdf"), "the name must end in .png"),
         (("compare", "in.npy", "-o", "f.png", "--crop", "1:5"), "crop must look like"),
@@ -593,6 +670,26 @@ def test_bad_calls_end_in_one_line_and_code_2(run, tmp_path, monkeypatch, argume
     assert (code, out) == (2, "")
     assert said in one_line(err)
     assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("dtype", "gap", "said"),
+    [
+        ("int16", False, "a PNG holds whole grey values 0..65535, the source held int16"),
+        ("int16", True, "a PNG holds whole grey values"),
+        ("uint16", True, "a 16-bit PNG cannot mark missing samples"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_said_before_any_fairing(
+    run, tmp_path, monkeypatch, dtype, gap, said
+):
+    monkeypatch.setattr("contourfair_jax._upsample.fair", None)
+    values, missing = hill(dtype) + np.dtype(dtype).type(1), np.zeros(SHAPE, bool)
+    missing[5, 7] = gap
+    given = {"missing": missing, "nodata": 0} if gap else {}
+    write(tmp_path / "in.tif", Grid(np.where(missing, 0, values).astype(dtype), **given))
+    code, _, err = run("upsample", tmp_path / "in.tif", "-o", tmp_path / "out.png", "-q")
+    assert (code, said in one_line(err)) == (2, True)
 
 
 @pytest.mark.data
@@ -804,6 +901,16 @@ def test_help_loads_no_heavy_package():
         [sys.executable, "-c", HELP_WITHOUT_ENGINE, folder], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_an_interrupt_while_modules_are_imported_is_code_130(tmp_path):
+    (tmp_path / "typer.py").write_text("raise KeyboardInterrupt")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    command = [sys.executable, "-m", "contourfair_jax", "info", "in.npy", "--json"]
+    environment = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stderr) == (130, "contourfair: interrupted\n")
+    assert json.loads(done.stdout) == {"error": "interrupted"}
 
 
 def test_as_a_module_in_its_own_process():

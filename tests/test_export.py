@@ -4,13 +4,15 @@ import csv
 import json
 import sys
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import contourfair_jax as cf
-from contourfair_jax import export, metrics
+from contourfair_jax import export, metrics, plot
+from contourfair_jax._plot_frame import frame_of
 from contourfair_jax.contours import Band, contours
 from contourfair_jax.io import Grid, InputError, MissingPackageError
 
@@ -160,3 +162,111 @@ def test_pictures(field):
     assert len(bands.get_paths()) == 3
     assert len(np.unique(image.reshape(-1, 4), axis=0)) > 5
     np.testing.assert_allclose(ax.get_xlim(), (-1, 1), atol=0.2)
+
+
+WGS84 = 'GEOGCS["WGS 84",DATUM["WGS_1984"],UNIT["degree",0.0174532925199433]]'
+HEIGHTS = 'COMPD_CS["a",PROJCS["b",GEOGCS["c",UNIT["degree",0.017]],UNIT["metre",1]],VERT_CS["d",'
+DEGREES = {"y:units": "degrees_north", "x:units": "degrees_east"}
+TURNED = np.array([[0.0, 3.0, 10.0], [-2.0, 0.0, 20.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("given", "labels", "upward", "aspect"),
+    [
+        ({}, ("y", "x"), False, 1),
+        ({"affine": NORTH_UP}, ("y", "x"), True, 1),
+        ({"affine": NORTH_UP, "crs": f'{HEIGHTS}UNIT["foot",0.3]]]'}, ("y (m)", "x (m)"), True, 1),
+        ({"affine": np.diag([-2, 3, 1]) + np.eye(3, k=2) * 61, "crs": WGS84},
+         ("latitude (°)", "longitude (°)"), True, 2),
+        ({"affine": np.diag([2, 3, 1]) + np.eye(3, k=2) * 59, "metadata": DEGREES},
+         ("latitude (°)", "longitude (°)"), True, 2),
+        ({"affine": np.diag([2.0, 3, 1]), "spacing": (220, 300), "metadata": DEGREES},
+         ("latitude (°)", "longitude (°)"), True, 1.1),
+        ({"affine": np.diag([2.0, 3, 1]), "axes": ("depth", "x"),
+          "metadata": {"depth:units": "m", "x:units": "degrees_east"}},
+         ("depth (m)", "x (°)"), True, None),
+        ({"affine": np.diag([2.0, 3, 1]),
+          "metadata": {"space": "left-posterior-superior", "space units": "mm"}},
+         ("y (mm)", "x (mm)"), False, 1),
+        ({"affine": TURNED}, ("distance along y", "distance along x"), False, 1),
+    ],
+)  # fmt: skip
+def test_pictures_show_the_coordinates_of_the_file(given, labels, upward, aspect):
+    """Of 2 x 2 samples, of which sample (1, 1) is shown where the file says that it lies."""
+    grid = Grid(np.zeros((2, 2)), **given)
+    frame = frame_of(grid)
+    assert (frame.labels, frame.upward) == (labels, upward)
+    assert frame.aspect == (None if aspect is None else pytest.approx(aspect))
+    last = np.array(grid.origin) + grid.spacing
+    shown = last if "affine" in given and given["affine"] is TURNED else grid.world(last)
+    np.testing.assert_allclose(frame.place(last), shown)
+
+
+def test_a_map_has_north_at_the_top_and_lines_on_their_values(terrain):
+    grid, field = terrain
+    figure = plot.contour_figure(field, LEVELS, grid=grid)
+    ax = figure.axes[0]
+    np.testing.assert_allclose(ax.get_xlim(), (400_000, 400_180))
+    np.testing.assert_allclose(ax.get_ylim(), (4_999_730, 5_000_000))
+    left, right, first, last = ax.images[0].get_extent()
+    assert (left < right, first > last) == (True, True)  # row 0 is the northernmost
+    (drawn,) = ax.collections
+    for level, path in zip(LEVELS, drawn.get_paths(), strict=True):
+        points = (path.vertices[:, ::-1] - NORTH_UP[:2, 2]) * [-1, 1]
+        np.testing.assert_allclose(field(points, "clamp"), level, atol=2e-3)
+
+
+def test_leaves_lie_where_the_file_says(terrain):
+    from contourfair_jax._plot_leaves import leaf_figure
+
+    grid, field = terrain
+    ax = leaf_figure(field.adaptive(0.1), grid).axes[0]
+    np.testing.assert_allclose(ax.get_ylim(), (4_999_730, 5_000_000))
+    np.testing.assert_allclose(ax.get_xlim(), (400_000, 400_180))
+
+
+@pytest.mark.parametrize("refine", [1, 4])
+def test_pictures_show_nothing_outside_the_cells_that_have_values(field, refine):
+    """A sample by itself, and sides between missing cells, are neither dots nor hairs."""
+    values = np.full((5, 9), np.nan)
+    values[1:3, 1:3] = [[1, 2], [3, 4]]  # one cell
+    values[2, 5] = values[4, 5] = values[4, 6] = 5
+    net = jnp.asarray(np.repeat(np.repeat(values, 3, 0), 3, 1)[1:-1, 1:-1])
+    known = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
+    for each in (known, plot.BilinearField(values)):
+        shown = plot.plot_contours(each, [], refine=refine).images[0].get_array()
+        cell = slice(refine, 2 * refine + 1)
+        expected = np.ones(shown.shape, bool)
+        expected[cell, cell] = False
+        np.testing.assert_array_equal(np.ma.getmaskarray(shown), expected)
+
+
+def test_bands_are_drawn_as_areas_of_one_colour_each(field):
+    ends = [-np.inf, *LEVELS, np.inf]
+    figure = plot.contour_figure(field, LEVELS, bands=field.filled(ends), units="m")
+    ax, bar = figure.axes
+    assert not ax.images
+    areas = ax.collections[0]
+    assert len(areas.get_paths()) == 3
+    assert len(np.unique(areas.to_rgba(areas.get_array()), axis=0)) == 3
+    ticks = bar.get_yticks()
+    np.testing.assert_allclose(ticks[1:-1], LEVELS)
+    samples = np.asarray(field.samples)
+    np.testing.assert_allclose(ticks[[0, -1]], [samples.min(), samples.max()], atol=0.1)
+    assert bar.get_ylabel() == "m"
+
+
+def test_long_lines_are_labelled_with_their_levels(field):
+    ax = plot.contour_figure(field, LEVELS).axes[0]
+    assert {text.get_text() for text in ax.texts} == {"0.3", "0.6"}
+    assert not plot.plot_contours(field, LEVELS).texts
+
+
+def test_pictures_of_no_cell_and_no_band_are_empty():
+    values = np.full((5, 5), np.nan)
+    values[2, 2] = 1.0
+    net = jnp.asarray(np.repeat(np.repeat(values, 3, 0), 3, 1)[1:-1, 1:-1])
+    field = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
+    bands = field.filled([-np.inf, 0.5, np.inf])
+    plot.contour_figure(field, [0.5]).draw_without_rendering()
+    plot.contour_figure(field, [0.5], bands=bands).draw_without_rendering()

@@ -177,6 +177,7 @@ def test_triangles_keep_to_the_tolerance(tolerance):
     # Edges that may miss the tolerance are counted, and each belongs to two triangles.
     assert np.count_nonzero(off > tolerance) <= 2 * mesh.unmet
     assert mesh.unmet <= len(mesh.triangles) / 1000
+    assert ("take a larger tolerance, or finer samples" in " ".join(mesh.notes)) == (mesh.unmet > 0)
 
 
 def test_surface_ends_at_cells_without_values():

@@ -13,6 +13,7 @@ from contourfair_jax._compare import bilinear_field
 from contourfair_jax._components import components
 from contourfair_jax._creases import crease_bending
 from contourfair_jax._field import BezierField
+from contourfair_jax._plot_metrics import metrics_figure
 from contourfair_jax.contours import ContourLine
 
 GRID = cases.GRIDS[2][1]
@@ -122,9 +123,28 @@ def test_levels_without_lines_are_zero(bowl):
     assert (first.length, second.length) == (0.0, 1.0)
 
 
+@pytest.mark.parametrize("level", [0.5, 1.5, 3.0])
+def test_lines_of_other_levels_are_left_out(level):
+    lines = [line((0, 0), (1, 0), level=2.0), line((0, 1), (5, 1), level=level)]
+    found = metrics.level_metrics(lines, 0.1, [1.0, 2.0])
+    assert [each.length for each in found] == [0.0, 1.0]
+    assert [each.components for each in found] == [0, 1]
+    assert metrics.level_metrics(lines[1:], 0.1, [1.0])[0].length == 0
+
+
 def test_step_is_checked():
     with pytest.raises(ValueError, match="step must be a length above zero"):
         metrics.level_metrics([], 0.0)
+
+
+def test_a_picture_of_metrics_has_whole_counts_and_shows_curves_that_are_equal():
+    tables = {name: [(1.5, 2), (2.5, 3)] for name in ("bilinear", "fair")}
+    for ax, whole in zip(
+        metrics_figure([0, 1], ("length", "parts"), tables).axes, (False, True), strict=True
+    ):
+        assert all(tick % 1 == 0 for tick in ax.get_yticks()) == whole
+        below, above = ax.lines
+        assert below.get_linewidth() > 2 * above.get_linewidth()
 
 
 # All levels --------------------------------------------------------------------------------

@@ -48,6 +48,11 @@ def test_first_example_runs(tmp_path):
     assert all(text in printed for text in shown)
 
 
+def test_the_example_of_the_accessor_prints_what_it_says(tmp_path):
+    (example,) = (block for block in blocks("python") if "fair.upsample" in block)
+    assert "'lat': 41, 'lon': 61" in run(example, tmp_path)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_other_examples_and_commands_run(tmp_path):

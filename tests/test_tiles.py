@@ -437,6 +437,26 @@ def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), tiled.values)
 
 
+def test_a_finished_output_is_not_computed_again(tmp_path, samples, capsys, monkeypatch):
+    """Unless it is of other samples, or of another shape; and each is told."""
+    monkeypatch.chdir(tmp_path)
+    np.save("in.npy", samples)
+    call = ["upsample", "in.npy", "--iterations", "0", "-o", "out.npy", "--resume"]
+    assert main([*call, "-f", "2"]) == 0
+    assert "there is no unfinished run, so all is computed" in capsys.readouterr().err
+    first = os.stat("out.npy").st_mtime_ns
+    assert main([*call, "-f", "2"]) == 0
+    out, err = capsys.readouterr()
+    assert "the output is there, whole, from an earlier run" in err
+    assert out == "out.npy: 61 x 83 float64\n"
+    assert os.stat("out.npy").st_mtime_ns == first
+    os.utime("in.npy", (first / 1e9 + 10,) * 2)
+    for factor, shape in ((2, (61, 83)), (3, (91, 124))):
+        assert main([*call, "-f", str(factor)]) == 0
+        assert "so all is computed" in capsys.readouterr().err
+        assert np.load("out.npy").shape == shape
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

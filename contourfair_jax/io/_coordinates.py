@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from ._errors import InputError
-from ._geometry import affine_from_axes, is_skewed
+from ._geometry import affine_from_axes, is_skewed, seam_note
 
 _TIME_NAMES = frozenset(("time", "t", "month", "year", "valid_time"))
 _TURN = 360.0
@@ -97,6 +97,5 @@ def _unwrapped(coordinate: xr.DataArray) -> tuple[np.ndarray, tuple[str, ...]]:
         return smooth, (f"{name} jumps by a turn in the file; here it goes on to {smooth[-1]:g}",)
     step = (values[-1] - values[0]) / (len(values) - 1)
     if abs(len(values) * abs(step) - _TURN) < 0.01 * abs(step):
-        note = f"{name} goes all around; the cells between its last and first sample are left out"
-        return values, (note,)
+        return values, (seam_note(str(name)),)
     return values, ()

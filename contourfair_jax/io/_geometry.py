@@ -77,6 +77,11 @@ def is_skewed(affine: np.ndarray) -> bool:
     return bool(np.abs(products - np.eye(len(products))).max() > 1e-6)
 
 
+def seam_note(name: str) -> str:
+    """What is to be known of an axis that goes all the way round."""
+    return f"{name} goes all around; the cells between its last and first sample are left out"
+
+
 def refine_affine(affine: np.ndarray, factor: int) -> np.ndarray:
     """The map of a grid with `factor` times as many steps; sample 0 stays where it is."""
     refined = affine.copy()

@@ -122,8 +122,19 @@ class Grid:
 
     @property
     def rows_ascend(self) -> bool:
-        """Whether the file says that axis 0 ascends, so that a picture has row 0 at the bottom."""
-        return self.affine is not None and bool(self.affine[0, 0] > 0)
+        """Whether the file says that a picture has row 0 at the bottom: maps have north at the top.
+
+        In the coordinates of medicine that grow backwards, the front is at the top.
+        """
+        if self.affine is None:
+            return False
+        row = self.ndim - 2
+        return bool((self.affine[row, row] > 0) != self.backward)
+
+    @property
+    def backward(self) -> bool:
+        """Whether the coordinate y of the file grows backwards, as in medicine."""
+        return "posterior" in self.metadata.get("space", "") and self.axes[-2:] == ("y", "x")
 
     @property
     def missing_count(self) -> int:

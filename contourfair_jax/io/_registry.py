@@ -6,6 +6,8 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ._atomic import (
     check_folder,
     check_pair,
@@ -113,10 +115,10 @@ def write_bands(path: str | os.PathLike[str], grids: Sequence[Grid]) -> tuple[st
 def check_writable(path: str | os.PathLike[str], *like: Grid) -> None:
     """Raise now what `write` would raise about the file's name, folder and permissions.
 
-    With `like`, also what it would raise about grids of that kind: their corners are written to a
-    temporary folder, so that a long computation does not end in a format that cannot hold it.
+    With `like`, also what it would raise about grids of that kind: small parts of them are written
+    to a temporary folder, so that a long computation does not end in a format that cannot hold it.
     """
-    corners = [grid.crop([(0, min(2, n)) for n in grid.shape]) for grid in like]
+    corners = [_part(grid) for grid in like]
     chosen, store = _writer(path, corners)
     if chosen.beside:
         check_pair(path, chosen.beside)
@@ -129,6 +131,15 @@ def check_writable(path: str | os.PathLike[str], *like: Grid) -> None:
             store(Path(folder) / f"probe{chosen.suffixes[0]}")
         except InputError as error:
             raise type(error)(f"{path}: {error}") from error
+
+
+def _part(grid: Grid) -> Grid:
+    """Two samples along each axis, one that is missing among them where any is."""
+    first = [0] * grid.ndim
+    if grid.missing is not None:
+        found = np.unravel_index(np.argmax(grid.missing), grid.shape)
+        first = [max(0, min(int(k), n - 2)) for k, n in zip(found, grid.shape, strict=True)]
+    return grid.crop([(k, min(k + 2, n)) for k, n in zip(first, grid.shape, strict=True)])
 
 
 def _writer(

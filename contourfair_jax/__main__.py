@@ -1,5 +1,6 @@
 """The entry of the command line: ``contourfair``, and ``python -m contourfair_jax``."""
 
+import os
 import sys
 
 
@@ -11,9 +12,9 @@ def main() -> int:
         return run()
     except KeyboardInterrupt:
         if "--json" in sys.argv:
-            print('{"error": "interrupted"}')
-        print("contourfair: interrupted", file=sys.stderr)
-        return 130
+            print('{"error": "interrupted"}', flush=True)
+        print("contourfair: interrupted", file=sys.stderr, flush=True)
+        os._exit(130)  # nothing has begun; Python itself might end by the signal instead
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def degrees_note(grid: Grid) -> tuple[str, ...]:
     if narrowing > _ALIKE:
         return ()
     return (
-        f"distances are taken in degrees, of which one of longitude is {narrowing:.2g} of one of "
+        f"distances are taken in degrees, of which one of longitude is {narrowing:.2f} of one of "
         f"latitude at {farthest:.4g} degrees: reproject the file, or give spacing in Python, to "
         "have distances on the ground",
     )

@@ -89,7 +89,7 @@ def isosurface(
         from ._plot_surface import surface_figure
 
         with say.working(f"drawing {plot}"):
-            save_figure(surface_figure(mesh, f"{source.name}: {level:g}"), plot)
+            save_figure(surface_figure(mesh, f"{source.name}: {level:g}", grid), plot)
     whole = "watertight" if mesh.watertight else "with a border"
     if not len(mesh.triangles):
         whole = "empty"

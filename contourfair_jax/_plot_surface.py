@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from .io._geometry import spacing_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d.axes3d import Axes3D
 
+    from .io import Grid
     from .isosurface import Isosurface
 
 _COLOR = (0.93, 0.86, 0.74)
@@ -48,9 +52,16 @@ def draw_surface(
     ax.set_axis_off()
 
 
-def surface_figure(mesh: Isosurface, title: str = "") -> Figure:
-    """A picture of one isosurface."""
+def surface_figure(mesh: Isosurface, title: str = "", grid: Grid | None = None) -> Figure:
+    """A picture of one isosurface, with its axes as in the file that the `grid` was read from.
+
+    Axes that descend, or are turned, are drawn as they lie in the world; lengths are the field's.
+    """
     from matplotlib.figure import Figure
+
+    if grid is not None and grid.affine is not None:
+        turn = grid.affine[:-1, :-1] / spacing_of(grid.affine)
+        mesh = replace(mesh, vertices=mesh.vertices @ turn.T, normals=mesh.normals @ turn.T)
 
     figure = Figure(figsize=(7, 7), layout="constrained")
     ax = figure.add_subplot(projection="3d")

@@ -494,6 +494,19 @@ def test_draw_surface_shades_by_the_angle_to_the_light():
     assert (colors[89.0][:, 0] > 1.5 * colors[0.0][:, 0]).all()
 
 
+def test_surfaces_are_drawn_as_they_lie_in_the_world():
+    """A corner of larger z is above where the file's z ascends, and below where it descends."""
+    corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 1.0]])
+    normals = np.tile([0.0, 0.0, 1.0], (3, 1))
+    mesh = Isosurface(0.5, corners, np.array([[0, 1, 2]]), normals, *np.zeros((2, 3)), 0, 0, ())
+    for steps, limits in (((1, 1, 1), (0, 2)), ((-3, 1, 1), (-2, 0))):
+        grid = Grid(np.zeros((3, 3, 3)), affine=np.diag([*steps, 1.0]), spacing=(1.0, 1.0, 1.0))
+        (ax,) = plot.surface_figure(mesh, grid=grid).axes
+        assert ax.get_zlim() == limits
+    turned = Grid(np.zeros((3, 3, 3)), affine=np.eye(4)[[1, 0, 2, 3]])
+    assert plot.surface_figure(mesh, grid=turned).axes[0].get_zlim() == (0, 1)
+
+
 def test_plots_refuse_what_cannot_be_drawn(tmp_path):
     volume = cf.BezierField(jnp.zeros((7, 7, 7)), jnp.ones(3), jnp.zeros(3))
     with pytest.raises(ValueError, match="field must be 2-D to be drawn, got 3-D"):
@@ -685,11 +698,19 @@ def test_what_a_format_cannot_hold_is_said_before_any_fairing(
 ):
     monkeypatch.setattr("contourfair_jax._upsample.fair", None)
     values, missing = hill(dtype) + np.dtype(dtype).type(1), np.zeros(SHAPE, bool)
-    missing[5, 7] = gap
+    missing[:3, :3] = gap
     given = {"missing": missing, "nodata": 0} if gap else {}
     write(tmp_path / "in.tif", Grid(np.where(missing, 0, values).astype(dtype), **given))
     code, _, err = run("upsample", tmp_path / "in.tif", "-o", tmp_path / "out.png", "-q")
     assert (code, said in one_line(err)) == (2, True)
+
+
+def test_samples_below_zero_are_said_before_any_fairing(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("contourfair_jax._upsample.fair", None)
+    np.save(tmp_path / "in.npy", hill() - 50)
+    call = ("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.png", "-f", 1, "-q")
+    code, _, err = run(*call)
+    assert (code, "a PNG holds whole grey values" in one_line(err)) == (2, True)
 
 
 @pytest.mark.data

@@ -4,6 +4,7 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -134,12 +135,21 @@ def check_writable(path: str | os.PathLike[str], *like: Grid) -> None:
 
 
 def _part(grid: Grid) -> Grid:
-    """Two samples along each axis, one that is missing among them where any is."""
-    first = [0] * grid.ndim
-    if grid.missing is not None:
-        found = np.unravel_index(np.argmax(grid.missing), grid.shape)
-        first = [max(0, min(int(k), n - 2)) for k, n in zip(found, grid.shape, strict=True)]
-    return grid.crop([(k, min(k + 2, n)) for k, n in zip(first, grid.shape, strict=True)])
+    """Two samples along each axis: the smallest, the largest, and a missing one where any is."""
+    corner = grid.crop([(0, min(2, n)) for n in grid.shape])
+    missing = np.zeros(grid.shape, bool) if grid.missing is None else grid.missing
+    present = grid.values[~missing]
+    if not present.size:
+        return corner
+    values, mask = [present.min(), present.max()], [False, False]
+    if missing.any():
+        values.insert(1, grid.values.flat[np.argmax(missing)])
+        mask.insert(1, True)
+    return replace(
+        corner,
+        values=np.resize(np.array(values, grid.values.dtype), corner.shape),
+        missing=np.resize(mask, corner.shape) if any(mask) else None,
+    )
 
 
 def _writer(

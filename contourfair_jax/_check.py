@@ -26,7 +26,7 @@ def check_samples(values: object, name: str = "values") -> Array:
     ValueError
         For another rank, a short axis, or a dtype that is not real.
     """
-    array = values if isinstance(values, jax.Array) else _unmasked(values, name)
+    array = values if isinstance(values, jax.Array) else unmasked(values, name)
     dtype = np.dtype(array.dtype)
     if dtype.kind not in "fiub" and not jnp.issubdtype(dtype, jnp.floating):
         raise ValueError(
@@ -56,7 +56,7 @@ def check_samples(values: object, name: str = "values") -> Array:
     return jnp.where(jnp.isinf(array), jnp.nan, array)
 
 
-def _unmasked(values: object, name: str) -> np.ndarray:
+def unmasked(values: object, name: str = "values") -> np.ndarray:
     """As a plain array, NaN in the place of what is masked."""
     if not isinstance(values, np.ma.MaskedArray) or not np.ma.is_masked(values):
         return _as_numpy(values, name)

@@ -138,7 +138,7 @@ def run_job(
         tiles = len(job.tiling)
         resumed = int(np.count_nonzero(state.states(tiles)))
         with _kept(state):
-            _run_rest(_shared(job, state, workers), state, workers, progress)
+            _run_rest(_shared(job, state, workers, found.missing), state, workers, progress)
         failed = int(np.count_nonzero(state.states(tiles) == UNCONVERGED))
         missing = state.missing(tiles)
         with in_one_line(state.target):
@@ -255,14 +255,17 @@ def _run_rest(
         run_all(job, rest, workers, done)
 
 
-def _shared(job: Job, state: Unfinished, workers: int | Executor) -> Job:
+def _shared(job: Job, state: Unfinished, workers: int | Executor, missing: int) -> Job:
     """The job with a source that other processes can open: an array in memory is stored first."""
     if workers == 1 or is_shared(job.source):
         return job
     array, path = job.source.open(), state.folder / "input.npy"
-    stored = np.lib.format.open_memmap(path, "w+", np.dtype(array.dtype), tuple(array.shape))
+    kind = np.dtype(array.dtype)
+    if missing and kind.kind != "f":  # masked whole numbers, of which NaN is none
+        kind = job.dtype
+    stored = np.lib.format.open_memmap(path, "w+", kind, tuple(array.shape))
     for slab in slabs(array):
-        stored[slab] = np.asarray(array[slab])
+        stored[slab] = _check.unmasked(array[slab])
     stored.flush()
     source: Source = source_of(path)
     return dataclasses.replace(job, source=source)

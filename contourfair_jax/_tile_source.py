@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._check import unmasked
 from ._tiling import Slices
 from .io import Grid, InputError
 from .io._errors import one_line
@@ -186,8 +187,8 @@ def is_shared(source: Source) -> bool:
 
 
 def read_block(array: Any, block: Slices, dtype: np.dtype) -> np.ndarray:
-    """Samples of a block in the precision to compute in; infinite ones are missing, as NaN."""
-    values = _in_precision(np.asarray(array[block]), dtype)
+    """Samples of a block in the precision to compute in; masked and infinite ones are NaN."""
+    values = _in_precision(unmasked(array[block]), dtype)
     values[~np.isfinite(values)] = np.nan
     return values
 
@@ -204,9 +205,9 @@ class Survey(NamedTuple):
     Parameters
     ----------
     digest
-        A hash of them, whatever the chunks.
+        A hash of them and of what is masked, whatever the chunks.
     missing
-        How many are not finite in the precision to compute in.
+        How many are masked, or not finite in the precision to compute in.
     """
 
     digest: str
@@ -215,13 +216,19 @@ class Survey(NamedTuple):
 
 def survey(array: Any, dtype: np.dtype) -> Survey:
     """Read all samples once."""
-    digest, missing = hashlib.blake2b(digest_size=16), 0
+    digest, masked, missing, done = (*(hashlib.blake2b(digest_size=16) for _ in "ab"), 0, 0)
     for slab in slabs(array):
-        values = np.ascontiguousarray(np.asarray(array[slab]))
+        read = array[slab]
+        values = np.ascontiguousarray(np.ma.filled(read, 0))
         digest.update(values.data)
+        gone = np.ma.getmaskarray(read) if np.ma.is_masked(read) else np.zeros((), bool)
+        masked.update((np.flatnonzero(gone) + done).astype("<i8").data)
         if values.dtype.kind == "f":
-            finite = np.isfinite(_in_precision(values, dtype))
-            missing += values.size - int(np.count_nonzero(finite))
+            gone = gone | ~np.isfinite(_in_precision(values, dtype))
+        missing += int(np.count_nonzero(gone))
+        done += values.size
+    if masked.digest() != hashlib.blake2b(digest_size=16).digest():
+        digest.update(masked.digest())
     return Survey(digest.hexdigest(), missing)
 
 

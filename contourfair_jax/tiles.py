@@ -57,7 +57,7 @@ def refine_to(
     ----------
     source : path or array
         A ``.npy`` file or Zarr array, by its path, or anything that slices: a NumPy array or memory
-        map, a Zarr array, an xarray `DataArray`.  Infinite samples count as missing.
+        map, a Zarr array, an xarray `DataArray`.  What is masked or infinite is missing.
     target : path
         A name ending in ``.zarr`` (an array of version 3) or ``.npy``.
     factor : int

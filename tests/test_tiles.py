@@ -21,7 +21,8 @@ import zarr
 from conftest import SEED
 
 import contourfair_jax as cf
-from contourfair_jax import _tile_program, _tile_room, tiles
+from contourfair_jax import _tile_program, _tile_room, _tile_source, tiles
+from contourfair_jax._tile_source import survey
 from contourfair_jax._tiling import Tiling
 from contourfair_jax.cli import main
 from contourfair_jax.io import Grid, InputError, read, write
@@ -272,6 +273,34 @@ def test_missing_samples_are_counted(tmp_path, samples, suffix):
     # Infinite in the precision to compute in.
     outcome = tiles.refine_to(5e38 * values, target, 2, dtype="f4", method=METHOD)
     assert outcome.gaps == (~(np.abs(5e38 * values) <= np.finfo("f4").max)).sum() > 100
+
+
+@pytest.mark.parametrize("dtype", ["f8", "i2"])
+def test_masked_samples_are_missing(tmp_path, samples, dtype):
+    values = np.ma.masked_array((100 * samples).astype(dtype), np.zeros(SHAPE, bool))
+    values[4, 3:6] = np.ma.masked
+    holed = values.astype("f8").filled(np.nan)
+    expected = refined(holed, tmp_path / "holed.npy", dtype="f8")
+    for region, fine in tiles.refine_tiles(values, 2, method=METHOD, dtype="f8"):
+        np.testing.assert_array_equal(fine, expected[region])
+    stopped(tmp_path, values, tmp_path / "fine.npy")
+    with pytest.raises(InputError, match="for content of the input was"):
+        tiles.refine_to(values.data, tmp_path / "fine.npy", 2, method=METHOD, resume=True)
+    with ThreadPoolExecutor(2) as threads:
+        for workers in (1, threads):
+            target = tmp_path / "again.npy"
+            outcome = tiles.refine_to(values, target, 2, method=METHOD, dtype="f8", workers=workers)
+            np.testing.assert_array_equal(np.load(target), expected)
+            assert (outcome.gaps, outcome.missing) == (3, np.isnan(expected).sum())
+
+
+def test_a_survey_is_the_same_whatever_the_chunks(samples, monkeypatch):
+    values = np.ma.masked_array((100 * samples).astype("i2"), samples > 1)
+    whole = survey(values, np.dtype("f4"))
+    monkeypatch.setattr(_tile_source, "_SLAB_BYTES", 300)
+    assert survey(values, np.dtype("f4")) == whole
+    assert whole.missing == (samples > 1).sum()
+    assert survey(np.ma.array(values.data), np.dtype("f4")) == survey(values.data, np.dtype("f4"))
 
 
 def stopped(tmp_path, samples, target, after=7):

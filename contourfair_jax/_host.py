@@ -122,7 +122,10 @@ def known(field: BezierField) -> BezierField:
     ValueError
         Inside `jax.jit` and `jax.vmap`.
     """
-    field = jax.lax.stop_gradient(field)
+    leaves, kind = jax.tree.flatten(field)
+    # What NumPy holds, in float64, would become arrays of JAX, which may be narrower.
+    arrays = [x if isinstance(x, np.ndarray) else jax.lax.stop_gradient(x) for x in leaves]
+    field = jax.tree.unflatten(kind, arrays)
     if is_traced(*jax.tree.leaves(field)):
         raise ValueError(
             "field must be known where contours, surfaces or grids are found in it, got one traced "

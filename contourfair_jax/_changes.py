@@ -27,7 +27,7 @@ class Change:
     parts : int
         How many parts became one, or one became.
     position : tuple of float
-        The extreme sample of the smallest of these parts.
+        Where the extreme sample of the smallest of these parts lies.
     """
 
     level: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import count as counting
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -60,7 +61,8 @@ def metrics(
     """Measure contours, or isosurfaces, level by level: bilinear (trilinear) beside fair.
 
     Below the table: what leaves the range of the samples, the largest jump of the slope, integrals
-    over all levels, not only those of the table, and where parts merge or split.
+    over all levels, not only those of the table, and where parts merge or split, in coordinates of
+    the file.
     """
     from ._changes import changes
     from ._compare import bilinear_field
@@ -88,7 +90,10 @@ def metrics(
         tables = {name: measure(each, chosen, moved) for name, each in fields.items()}
         whole = {name: _whole(each) for name, each in fields.items()}
         integrals = _integrals(field)
-        changed = changes(fields[plain], field, chosen, moved)
+        changed = [
+            replace(each, position=tuple(grid.world(np.array(each.position)).tolist()))
+            for each in changes(fields[plain], field, chosen, moved)
+        ]
     if plot is not None:
         from ._plot_metrics import metrics_figure
         from .plot import save_figure

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# Where the largest figure is this many times a usual one, the others would all look like zero: as
+# where a speck of a contour bends without end.
+WIDE = 100
 
 
 def metrics_figure(
@@ -37,8 +42,11 @@ def metrics_figure(
                 markersize=4 + width,
                 label=field,
             )
-        if all(float(row[place]).is_integer() for rows in tables.values() for row in rows):
+        shown = [float(row[place]) for rows in tables.values() for row in rows]
+        if all(figure.is_integer() for figure in shown):
             ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+        elif max(shown) > WIDE * statistics.median(shown) > 0:
+            ax.set_yscale("log", nonpositive="mask")
         ax.set_title(name, fontsize="medium")
         ax.set_xlabel("level")
         if place == 0:

@@ -542,6 +542,19 @@ def test_metrics_tell_what_is_missing_and_what_the_integrals_are(run, dem, tmp_p
     assert integrals["length"] == pytest.approx(cf.metrics.coarea(field).length)
 
 
+def test_places_where_parts_merge_are_in_coordinates_of_the_file(run, tmp_path):
+    x = np.linspace(-1, 1, 10)
+    ridge = np.exp(-((4.5 * (x[:, None] - 0.8 * x)) ** 2))
+    grid = Grid(ridge, affine=NORTH_UP, crs="EPSG:32633")
+    write(tmp_path / "ridge.tif", grid)
+    found = json.loads(run("metrics", tmp_path / "ridge.tif", "--levels", "0.6", "--json")[1])
+    corners = grid.world(np.array([[0, 0], [9 * grid.spacing[0], 9 * grid.spacing[1]]]))
+    places = np.array([change["position"] for change in found["changes"]])
+    assert len(places)
+    assert (places >= corners.min(0)).all()
+    assert (places <= corners.max(0)).all()
+
+
 # ---- info ----------------------------------------------------------------------------------
 
 

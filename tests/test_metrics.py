@@ -150,6 +150,14 @@ def test_a_picture_of_metrics_has_whole_counts_and_shows_curves_that_are_equal()
 # All levels --------------------------------------------------------------------------------
 
 
+def test_a_speck_that_bends_without_end_does_not_hide_the_others():
+    levels = [0, 1, 2, 3]
+    for largest, scale in ((3.5, "linear"), (1e9, "log")):
+        table = {"fair": [(1.5,), (2.5,), (largest,), (1.25,)]}
+        (axes,) = metrics_figure(levels, ("bending",), table).axes
+        assert axes.get_yscale() == scale
+
+
 def test_coarea_of_a_bowl(bowl):
     """`|k| |grad f| = 2`, and `|grad f| = 2 r`."""
     found = metrics.coarea(bowl, order=8)

@@ -37,7 +37,7 @@ class Change:
     position: tuple[float, ...]
 
     def __str__(self) -> str:
-        where = ", ".join(f"{x:g}" for x in self.position)
+        where = ", ".join(f"{x:.10g}" for x in self.position)
         return f"level {self.level:g}, {self.side}: {self.parts} parts {self.kind} at ({where})"
 
 

@@ -547,7 +547,7 @@ def test_places_where_parts_merge_are_in_coordinates_of_the_file(run, tmp_path):
     ridge = np.exp(-((4.5 * (x[:, None] - 0.8 * x)) ** 2))
     grid = Grid(ridge, affine=NORTH_UP, crs="EPSG:32633")
     write(tmp_path / "ridge.tif", grid)
-    found = json.loads(run("metrics", tmp_path / "ridge.tif", "--levels", "0.6", "--json")[1])
+    found = json.loads(run("metrics", tmp_path / "ridge.tif", "--levels", "0.8", "--json")[1])
     corners = grid.world(np.array([[0, 0], [9 * grid.spacing[0], 9 * grid.spacing[1]]]))
     places = np.array([change["position"] for change in found["changes"]])
     assert len(places)

@@ -95,7 +95,7 @@ def check_per_axis(
         )
     if isinstance(array, Tracer):
         return jnp.broadcast_to(_as_float(array), (ndim,))
-    known = np.broadcast_to(np.asarray(array, dtype=np.float64), (ndim,))
+    known = np.broadcast_to(np.asarray(array, dtype=np.float64), (ndim,)).copy()
     with np.errstate(over="ignore", under="ignore"):
         single = known.astype(np.float32)  # as which they may be computed with
     if not np.all(np.isfinite(single)) or (positive and np.any(single <= 0)):

@@ -100,12 +100,8 @@ def check_per_axis(
         single = known.astype(np.float32)  # as which they may be computed with
     if not np.all(np.isfinite(single)) or (positive and np.any(single <= 0)):
         rule = "finite and above zero, in float32 too," if positive else "finite, in float32 too,"
-        raise ValueError(
-            f"{name} must be {rule} along every axis, got {describe(value)}; "
-            "flip the axis instead of using a negative spacing"
-            if positive
-            else f"{name} must be {rule} along every axis, got {describe(value)}"
-        )
+        repair = "; flip the axis instead of using a negative spacing" if positive else ""
+        raise ValueError(f"{name} must be {rule} along every axis, got {describe(value)}{repair}")
     return known
 
 

@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._method import is_traced
-from ._precision import finest
+from ._precision import finest, from_origin
 
 # How far outside the grid a point may lie by rounding, in units of the spacing.
 SLACK = 1e-5
@@ -48,19 +48,17 @@ class Extent(eqx.Module):
                 f"points of {kind} must have {self.ndim} coordinates for a grid of shape "
                 f"{self.shape}, got shape {shape}"
             )
-        if is_traced(points, self.spacing, self.origin):
-            points, origin = finest(points, self.origin)
-            return (points - jnp.broadcast_to(origin, points.shape)).astype(self.dtype)
-        low, step = np.asarray(self.origin, dtype=float), np.asarray(self.spacing, dtype=float)
-        known, size = np.asarray(points, dtype=float) - low, step * (np.array(self.shape) - 1)
-        outside = ((known < -SLACK * step) | (known > size + SLACK * step)).any(axis=-1)
-        if outside.any():
-            raise ValueError(
-                f"{outside.sum()} of {outside.size} points of {kind} lie outside the grid, "
-                f"which goes from {tuple(low.tolist())} to {tuple((low + size).tolist())}; "
-                "leave them out, or fit a larger grid"
-            )
-        return jnp.asarray(known, self.dtype)
+        if not is_traced(points, self.spacing, self.origin):
+            low, step = np.asarray(self.origin, dtype=float), np.asarray(self.spacing, dtype=float)
+            known, size = np.asarray(points, dtype=float) - low, step * (np.array(self.shape) - 1)
+            outside = ((known < -SLACK * step) | (known > size + SLACK * step)).any(axis=-1)
+            if outside.any():
+                raise ValueError(
+                    f"{outside.sum()} of {outside.size} points of {kind} lie outside the grid, "
+                    f"which goes from {tuple(low.tolist())} to {tuple((low + size).tolist())}; "
+                    "leave them out, or fit a larger grid"
+                )
+        return from_origin(points, self.origin, self.dtype)
 
     def absolute(self, points: Float[Array, "n ndim"]) -> Float[Array | np.ndarray, "n ndim"]:
         """Points as they were before `check_inside`; of NumPy, in float64, where they are known."""

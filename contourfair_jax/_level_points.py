@@ -2,15 +2,13 @@
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from . import _check
 from ._bezier import is_flat
 from ._field import BezierField
-from ._method import is_traced
-from ._precision import finest
+from ._precision import finest, from_origin
 
 # Longest step of a projection, in cells: points stay near where they were found.
 LONGEST_STEP = 0.5
@@ -60,7 +58,7 @@ def level_points(
     -0.5
     """
     _check.check_count(steps, 0, "steps")
-    relative = from_origin(field, points)
+    relative = places_of(field, points)
     placed, origin = finest(project(centred(field), relative, level, steps), field.origin)
     return placed + jnp.broadcast_to(origin, placed.shape)
 
@@ -71,17 +69,9 @@ def centred(field: BezierField) -> BezierField:
     return BezierField(field.control_points, spacing, jnp.zeros_like(spacing))
 
 
-def from_origin(field: BezierField, points: ArrayLike) -> Float[Array, "*batch ndim"]:
-    """Points counted from the first sample, in the precision of the field.
-
-    Of known ones the origin is taken off in float64: coordinates of maps have many digits.
-    """
-    points = _check.check_points(points, field.ndim)
-    if is_traced(points, field.origin):
-        points, origin = finest(points, field.origin)
-        return (points - jnp.broadcast_to(origin, points.shape)).astype(field.dtype)
-    known = np.asarray(points, np.float64) - np.asarray(field.origin, np.float64)
-    return jnp.asarray(known, field.dtype)
+def places_of(field: BezierField, points: ArrayLike) -> Float[Array, "*batch ndim"]:
+    """Points counted from the first sample, in the precision of the field."""
+    return from_origin(_check.check_points(points, field.ndim), field.origin, field.dtype)
 
 
 def project(

@@ -1,9 +1,12 @@
-"""Arrays of several precisions together."""
+"""Arrays of several precisions together, and coordinates that have more digits than float32."""
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array
+from jaxtyping import Array, Float
+
+from ._method import is_traced
 
 
 def finest(*arrays: ArrayLike) -> list[Array]:
@@ -12,3 +15,13 @@ def finest(*arrays: ArrayLike) -> list[Array]:
     real = [kind for kind in kinds if jnp.issubdtype(kind, jnp.floating)]
     kind = max(real, key=lambda kind: kind.itemsize, default=float)
     return [jnp.asarray(array, kind) for array in arrays]
+
+
+def from_origin(
+    points: ArrayLike, origin: Float[ArrayLike, " ndim"], dtype: jnp.dtype
+) -> Float[Array, "*batch ndim"]:
+    """Points counted from the origin, which is taken off in float64 where both are known."""
+    if is_traced(points, origin):
+        at, first = finest(points, origin)
+        return (at - jnp.broadcast_to(first, at.shape)).astype(dtype)
+    return jnp.asarray(np.asarray(points, np.float64) - np.asarray(origin, np.float64), dtype)

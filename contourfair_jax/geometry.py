@@ -28,7 +28,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._field import BezierField
-from ._level_points import centred, from_origin, project
+from ._level_points import centred, places_of, project
 from ._level_points import level_points as level_points
 from .io import ContourLine
 
@@ -122,7 +122,7 @@ def _tied_lines(
     follows = np.arange(1, sizes.sum() + 1)
     follows[np.cumsum(sizes) - 1] -= 1
     points = np.concatenate([line.points for line in lines])
-    return project(centred(field), from_origin(field, points), levels), follows[:-1]
+    return project(centred(field), places_of(field, points), levels), follows[:-1]
 
 
 def surface_area(
@@ -198,7 +198,7 @@ def _tied_mesh(
     """Vertices, triangles, and normals of twice their area, away from what is above the level."""
     if field.ndim != 3:
         raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D")
-    corners, places = np.asarray(triangles), from_origin(field, vertices)
+    corners, places = np.asarray(triangles), places_of(field, vertices)
     count = len(places)
     if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
         raise ValueError(f"triangles must have shape (m, 3) with m > 0, got {corners.shape}")

@@ -85,7 +85,7 @@ def _local_parts(shape: tuple[int, ...]) -> Parts:
     """Stages of local fairing, on one batch of vertices, for all of them and all iterations."""
     method, ndim = cf.LocalFairing(), len(shape)
     energy = LocalEnergy(jnp.ones(ndim, jnp.float32), method.quadrature_order)
-    batch = _local._batch_size(energy, jnp.dtype(jnp.float32))
+    batch = int(np.prod(_local._batches(energy, jnp.dtype(jnp.float32))))
     given, fairing = energy.sample_hessians[0, 0].shape[1], energy.fairing_hessians[0, 0].shape[1]
     random = np.random.default_rng(0)
     coefficients = jnp.asarray(random.normal(size=(given + fairing, batch)), jnp.float32)

@@ -4,6 +4,7 @@ For one vertex: gather the samples -> thin plate -> sample the normals -> assemb
 energy -> solve -> repeat with the new normals -> Bezier points.  Then the patches merge.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import equinox as eqx
@@ -19,7 +20,7 @@ from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, batched, solve_small
 from ._stencil import cut_windows, neighbourhoods, window_shape, window_starts
 from ._working_set import working_set
-from ._xla import matmul
+from ._xla import materialise, matmul
 
 # Least number of vertices that are worked on together: what is done for them is vector operations
 # as long as their number, too slow when they are short.
@@ -108,17 +109,33 @@ class LocalFairing(AbstractFairing):
         thin_plate: Float[Array, "fairing samples"],
         samples: Float[Array, "samples vertices"],
     ) -> Float[Array, "points vertices"]:
-        """Bezier points of the patches around every vertex, in batches."""
+        """Bezier points of the patches around every vertex, a batch for each core at a time."""
         count = samples.shape[1]
-        batches = -(-count // _batch_size(energy, samples.dtype))
+        cores, most = _batches(energy, samples.dtype)
+        rounds = -(-count // (cores * most))
+        batches = rounds * cores
         size = -(-count // (batches * ALIGNED)) * ALIGNED
         padded = jnp.pad(samples, ((0, 0), (0, batches * size - count)), mode="edge")
-        split = jnp.moveaxis(padded.reshape(-1, batches, size), 1, 0)
-        points = jax.lax.map(
-            jax.checkpoint(lambda batch: self._batch(energy, thin_plate, batch), prevent_cse=False),
-            split,
-        )
-        return jnp.moveaxis(points, 0, 1).reshape(-1, batches * size)[:, :count]
+        split = jnp.moveaxis(padded.reshape(-1, rounds, cores, size), 0, 2)
+        fair = self._round(energy, thin_plate, cores)
+        points = jax.lax.map(jax.checkpoint(fair, prevent_cse=False), split)
+        return jnp.moveaxis(points, 2, 0).reshape(-1, batches * size)[:, :count]
+
+    def _round(
+        self, energy: LocalEnergy, thin_plate: Float[Array, "fairing samples"], cores: int
+    ) -> Callable[[Float[Array, "cores samples batch"]], Float[Array, "cores points batch"]]:
+        """`_batch` for as many batches as there are cores.
+
+        XLA gives every core an equal share of the first axis.  Where that counts batches, all that
+        is done to one is done where it lies in the cache.
+        """
+        if cores == 1:
+            return lambda batches: self._batch(energy, thin_plate, batches[0])[None]
+        # Tables for each batch: in products with common ones that axis would not stay the first.
+        tables = jax.tree.map(lambda t: jnp.broadcast_to(t, (cores, *t.shape)), (energy, thin_plate))
+        tables = materialise(tables)
+        each = jax.vmap(lambda tables, batch: self._batch(*tables, batch))
+        return lambda batches: each(tables, batches)
 
     def _batch(
         self,
@@ -169,9 +186,14 @@ def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]
     return solve_small(energy.ndim, entries, rhs)
 
 
-def _batch_size(energy: LocalEnergy, dtype: jnp.dtype) -> int:
-    """Vertices whose systems fit the working set."""
+def _batches(energy: LocalEnergy, dtype: jnp.dtype) -> tuple[int, int]:
+    """How many batches are worked on at once, and the most vertices in each.
+
+    One for every core where what a core needs stays in its cache, or else a large one for all.
+    """
     entries = sum(table.shape[0] for table in energy.matrix_tables)
     points = sum(table.shape[1] for table in energy.matrix_tables)
-    size = working_set().batch_bytes // ((3 * entries + 3 * points) * dtype.itemsize)
-    return max(LEAST_BATCH, size // ALIGNED * ALIGNED)
+    each, limits = (3 * entries + 3 * points) * dtype.itemsize, working_set()
+    if LEAST_BATCH * each <= limits.core_bytes:
+        return limits.cores, limits.core_bytes // (each * ALIGNED) * ALIGNED
+    return 1, max(LEAST_BATCH, limits.batch_bytes // (each * ALIGNED) * ALIGNED)

@@ -3,22 +3,30 @@
 Results do not depend on these numbers beyond rounding.  They are read when a program is traced.
 """
 
+import os
 from typing import NamedTuple
 
 import jax
 
 
 class WorkingSet(NamedTuple):
-    """Vertices of a window of local fairing, and bytes of what a step inside works on."""
+    """Vertices of a window of local fairing, and bytes of what a step inside works on.
+
+    `core_bytes` is what each of `cores` works on where every one has a batch of its own.
+    """
 
     window_vertices: int
     batch_bytes: int
+    cores: int
+    core_bytes: int
 
+
+CORES = min(os.cpu_count() or 1, 16)
 
 # Every step of a program is a vector operation that reads and writes its whole working set.
-CACHED = WorkingSet(window_vertices=4096, batch_bytes=12 * 2**20)
+CACHED = WorkingSet(2048 * CORES, 12 * 2**20, CORES, 3 * 2**20)
 # A step of a GPU takes some microseconds however small it is.
-FILLING = WorkingSet(window_vertices=2**19, batch_bytes=512 * 2**20)
+FILLING = WorkingSet(2**19, 512 * 2**20, 1, 512 * 2**20)
 
 
 def working_set() -> WorkingSet:

@@ -779,7 +779,7 @@ def test_in_place_in_several_chunks(shape, rng, monkeypatch):
     dofs = jnp.asarray(rng.normal(size=(twos, vertices)))
     whole = form.apply(weights, dofs)
     densities = form.densities(dofs)
-    small = WorkingSet(window_vertices=10, batch_bytes=5_000)
+    small = WorkingSet(window_vertices=10, batch_bytes=5_000, cores=1, core_bytes=5_000)
     monkeypatch.setattr("contourfair_jax._form.working_set", lambda: small)
     assert form._chunk_size() < vertices
     assert_close(form.apply(weights, dofs), whole, 1e-13)

@@ -20,7 +20,7 @@ from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, batched, solve_small
 from ._stencil import cut_windows, neighbourhoods, window_shape, window_starts
 from ._working_set import working_set
-from ._xla import materialise, matmul
+from ._xla import kept, materialise, matmul, save_kept
 
 # Least number of vertices that are worked on together: what is done for them is vector operations
 # as long as their number, too slow when they are short.
@@ -132,8 +132,9 @@ class LocalFairing(AbstractFairing):
         if cores == 1:
             return lambda batches: self._batch(energy, thin_plate, batches[0])[None]
         # Tables for each batch: in products with common ones that axis would not stay the first.
-        tables = jax.tree.map(lambda t: jnp.broadcast_to(t, (cores, *t.shape)), (energy, thin_plate))
-        tables = materialise(tables)
+        tables = materialise(
+            jax.tree.map(lambda t: jnp.broadcast_to(t, (cores, *t.shape)), (energy, thin_plate))
+        )
         each = jax.vmap(lambda tables, batch: self._batch(*tables, batch))
         return lambda batches: each(tables, batches)
 
@@ -158,8 +159,10 @@ class LocalFairing(AbstractFairing):
             coefficients = jnp.concatenate([given, fairing])
             gradients = batched(energy.gradients)(coefficients)
             tensor = contour_tensors(energy, gradients, self.thin_plate_weight)
-            return self.solver(energy, tensor, given), None
+            return kept(self.solver(energy, tensor, given)), None
 
+        # In reverse mode: to compute the rest again takes less time than to write and read it.
+        improve = jax.checkpoint(improve, prevent_cse=False, policy=save_kept)
         fairing, _ = jax.lax.scan(improve, matmul(thin_plate, given), length=self.iterations)
         to_bezier = jnp.asarray(parity_to_bezier(ndim), samples.dtype)
         points = matmul(to_bezier, jnp.concatenate([given, fairing]))

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix
 from ._inverse import invert
-from ._xla import apart, materialise, matmul
+from ._xla import apart, kept, materialise, matmul
 
 # The elimination takes several rows at a time: traffic of memory against compile time.
 MOST_PANELS = 7
@@ -85,7 +85,7 @@ class Cholesky(AbstractDirectSolver):
     """
 
     def factorise(self, matrix):
-        return partial(substitute, eliminate(matrix))
+        return partial(substitute, kept(eliminate(matrix)))
 
 
 class LeastSquares(AbstractSolver):

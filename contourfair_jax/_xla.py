@@ -1,12 +1,16 @@
-"""What XLA is told beside the mathematics: where not to fuse, and precision."""
+"""What JAX is told beside the mathematics: where not to fuse, what to keep, and precision."""
 
 from collections.abc import Callable
 from functools import wraps
 
 import jax
 import jax.numpy as jnp
+from jax.ad_checkpoint import checkpoint_name
 from jax.experimental.xla_metadata import set_xla_metadata
 from jaxtyping import Array
+
+# The policy for `jax.checkpoint` that keeps what is `kept`, and computes the rest again.
+save_kept = jax.checkpoint_policies.save_only_these_names("kept")
 
 
 def materialise(tree):
@@ -38,6 +42,11 @@ def apart(function: Callable) -> Callable:
             return unit(*arguments)
 
     return call
+
+
+def kept(tree):
+    """Marks what took long to compute."""
+    return checkpoint_name(tree, "kept")
 
 
 def matmul(left: Array, right: Array) -> Array:

@@ -21,7 +21,7 @@ CASES = (
     (engine.GLOBAL, FAIRING, (1024, 1024)),
     (engine.GLOBAL, FAIRING, (64, 64, 64)),
     (engine.LOCAL, GRADIENT, (512, 512)),
-    (engine.LOCAL, GRADIENT, (48, 48, 48)),
+    (engine.LOCAL, GRADIENT, (32, 32, 32)),
     (engine.GLOBAL, GRADIENT, (512, 512)),
     (engine.GLOBAL, GRADIENT, (48, 48, 48)),
 )

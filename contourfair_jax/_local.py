@@ -132,11 +132,11 @@ class LocalFairing(AbstractFairing):
         if cores == 1:
             return lambda batches: self._batch(energy, thin_plate, batches[0])[None]
         # Tables for each batch: in products with common ones that axis would not stay the first.
-        tables = materialise(
+        energies, operators = materialise(
             jax.tree.map(lambda t: jnp.broadcast_to(t, (cores, *t.shape)), (energy, thin_plate))
         )
-        each = jax.vmap(lambda tables, batch: self._batch(*tables, batch))
-        return lambda batches: each(tables, batches)
+        each = jax.vmap(self._batch)
+        return lambda batches: each(energies, operators, batches)
 
     def _batch(
         self,

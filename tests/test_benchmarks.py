@@ -247,11 +247,11 @@ def test_local_fairing_stays_ahead_of_a_straightforward_program():
     values = jnp.asarray(waves((64, 64)))
     naive = partial(fair_naively.lower(values).compile(), values)
     fair = fairing((64, 64), cf.LocalFairing()).run
-    assert clock.ratio(naive, fair) > 2
+    assert clock.ratio(naive, fair) > 10
 
 
 @pytest.mark.slow
 def test_global_fairing_keeps_up_with_a_cubic_zoom():
     values = waves((512, 512))
     fair = fairing((512, 512), cf.GlobalFairing(tolerance=1e-3)).run
-    assert clock.ratio(fair, lambda: ndimage.zoom(values, 4, order=3)) < 8
+    assert clock.ratio(fair, lambda: ndimage.zoom(values, 4, order=3)) < 4

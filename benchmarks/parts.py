@@ -57,7 +57,7 @@ def tables(result: Result) -> dict[str, str]:
 
 def _each(function: Callable[..., Any], first: Array, *others: Any) -> float:
     """Seconds of one call, many in one program, each waiting for the one before."""
-    both = [_loop(unit, first, others) for unit in (function, lambda first, *_: first[:1])]
+    both = [_loop(unit, first, others) for unit in (function, lambda first, *_: first.ravel()[:1])]
     return (both[0] - both[1]) / REPEATS
 
 
@@ -82,33 +82,46 @@ def _whole(shape: tuple[int, ...], method: Any) -> tuple[float, cf.BezierField]:
 
 
 def _local_parts(shape: tuple[int, ...]) -> Parts:
-    """Stages of local fairing, on one batch of vertices, for all of them and all iterations."""
+    """Stages of local fairing, on a batch for each core, for all vertices and all iterations."""
     method, ndim = cf.LocalFairing(), len(shape)
     energy = LocalEnergy(jnp.ones(ndim, jnp.float32), method.quadrature_order)
-    batch = int(np.prod(_local._batches(energy, jnp.dtype(jnp.float32))))
+    cores, batch = _local._batches(energy, jnp.dtype(jnp.float32))
     given, fairing = energy.sample_hessians[0, 0].shape[1], energy.fairing_hessians[0, 0].shape[1]
+    every = jax.tree.map(lambda table: jnp.stack([table] * cores), energy)
     random = np.random.default_rng(0)
-    coefficients = jnp.asarray(random.normal(size=(given + fairing, batch)), jnp.float32)
-    gradients = _solve.batched(energy.gradients)(coefficients)
+    coefficients = jnp.asarray(random.normal(size=(cores, given + fairing, batch)), jnp.float32)
 
-    def normals(*gradients: Array) -> dict:
-        return _local.contour_tensors(energy, list(gradients), method.thin_plate_weight)
+    def gradients(x: Array, energy: LocalEnergy) -> list[Array]:
+        return _solve.batched(energy.gradients)(x)
 
-    tensor = normals(*gradients)
-    entries = energy.matrix(tensor)
-    panels = _solve.eliminate(full_matrix(entries, ndim))
-    calls = np.prod([n - 2 for n in shape]) / batch * method.iterations
+    def normals(first: Array, others: list[Array], energy: LocalEnergy) -> dict:
+        return _local.contour_tensors(energy, [first, *others], method.thin_plate_weight)
 
-    def right_side(samples: Array, tensor: dict) -> Array:
+    def assembly(first: Array, others: dict, energy: LocalEnergy) -> Array:
+        return energy.matrix({(0, 0): first} | others)
+
+    def right_side(samples: Array, tensor: dict, energy: LocalEnergy) -> Array:
         return _solve.batched(energy.right_side)(tensor, samples)
 
+    def elimination(entries: Array) -> list:
+        return _solve.eliminate(full_matrix(entries, ndim))
+
+    def substitution(right: Array, panels: list) -> Array:
+        return _solve.substitute(panels, right)
+
+    first, *others = jax.vmap(gradients)(coefficients, every)
+    tensor = jax.vmap(normals)(first, others, every)
+    rest = {axes: part for axes, part in tensor.items() if axes != (0, 0)}
+    entries = jax.vmap(assembly)(tensor[0, 0], rest, every)
+    panels = jax.vmap(elimination)(entries)
+    calls = np.prod([n - 2 for n in shape]) / (cores * batch) * method.iterations
     seconds = {
-        "gradients": _each(_solve.batched(energy.gradients), coefficients),
-        "normals": _each(normals, *gradients),
-        "assembly": _each(lambda m, rest: energy.matrix(rest | {(0, 0): m}), tensor[0, 0], tensor),
-        "right side": _each(right_side, coefficients[:given], tensor),
-        "elimination": _each(lambda e: _solve.eliminate(full_matrix(e, ndim)), entries),
-        "substitution": _each(lambda b, p: _solve.substitute(p, b), coefficients[given:], panels),
+        "gradients": _each(jax.vmap(gradients), coefficients, every),
+        "normals": _each(jax.vmap(normals), first, others, every),
+        "assembly": _each(jax.vmap(assembly), tensor[0, 0], rest, every),
+        "right side": _each(jax.vmap(right_side), coefficients[:, :given], tensor, every),
+        "elimination": _each(jax.vmap(elimination), entries),
+        "substitution": _each(jax.vmap(substitution), coefficients[:, given:], panels),
     }
     scaled = {name: one * calls for name, one in seconds.items()}
     return {"whole": _whole(shape, method)[0], **scaled}

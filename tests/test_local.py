@@ -3,12 +3,15 @@
 import functools
 
 import cases
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import twin
 from helpers import assert_close, net_of, samples_of
 
 import contourfair_jax as cf
+from contourfair_jax._working_set import WorkingSet
 
 GRIDS = [*cases.GRIDS[2], *cases.GRIDS[3]]
 EVERY = pytest.mark.parametrize(("grid", "name"), cases.grid_field_cases(2, 3))
@@ -197,3 +200,17 @@ def test_tiles_with_a_halo_of_one_are_exact(shape, length, rng):
         last = tile.shape[-1] - (3 if start < n - length else 0)
         same = whole[..., 3 * start + first : 3 * start + last]
         np.testing.assert_allclose(tile[..., first:last], same, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("cores", [2, 3])
+def test_how_the_vertices_are_divided_changes_nothing(monkeypatch, cores):
+    values = np.random.default_rng(0).normal(size=(40, 30))
+    method, spacing = cf.LocalFairing(iterations=1), jnp.ones(2)
+
+    def net(cores, core_bytes):
+        divided = WorkingSet(600, 2**20, cores, core_bytes)
+        monkeypatch.setattr("contourfair_jax._local.working_set", lambda: divided)
+        return jax.jit(lambda v: method.fit(v, spacing)[0])(jnp.asarray(values))
+
+    # One batch at a time, for which a core's share is too small, and one for every core.
+    assert_close(net(cores, 2**21), net(cores, 1), 1e-13)

@@ -159,6 +159,22 @@ def check_count(value: object, least: int, name: str, *, most: int | None = None
         raise ValueError(f"{name} must be an integer that is {limits}, got {value!r}")
 
 
+def check_factors(factor: object, ndim: int) -> tuple[int, ...]:
+    """How many times finer along each axis: one integer for all, or one for each.
+
+    Raises
+    ------
+    ValueError
+        For another number of them, or one that is no integer of at least 1.
+    """
+    each = tuple(factor) if isinstance(factor, Sequence | np.ndarray) else (factor,) * ndim
+    if len(each) != ndim:
+        raise ValueError(f"factor must be one integer or {ndim}, one per axis, got {factor!r}")
+    for one in each:
+        check_count(one, 1, "factor")
+    return tuple(int(one) for one in each)
+
+
 def check_real(
     value: object,
     name: str,

@@ -1,5 +1,6 @@
 """The result of fairing: an immutable C1 piecewise cubic field."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import equinox as eqx
@@ -185,20 +186,24 @@ class BezierField(eqx.Module):
         value, gradient, hessian = self.jet(points, outside)
         return mean_curvature(value, gradient, hessian, jnp.asarray(self.spacing, value.dtype))
 
-    def refine(self, factor: int) -> Float[Array, "*fine"]:
+    def refine(self, factor: int | Sequence[int]) -> Float[Array, "*fine"]:
         """Samples on the `factor` times finer grid, factor (n - 1) + 1 per axis.
 
         Sample i of the field is sample `factor * i` of the result, bit for bit.
+
+        Parameters
+        ----------
+        factor : int or sequence of ndim ints
+            One for each axis where they differ: ``(1, 1, 5)`` for slices that are far apart.
 
         Raises
         ------
         ValueError
             For a factor that is not an integer of at least 1.
         """
-        _check.check_count(factor, 1, "factor")
         values = self.control_points
-        for axis in range(self.ndim):
-            values = refine_axis(values, axis, factor)
+        for axis, finer in enumerate(_check.check_factors(factor, self.ndim)):
+            values = refine_axis(values, axis, finer)
         return values
 
     def bounds(self) -> tuple[Float[Array, "*cells"], Float[Array, "*cells"]]:

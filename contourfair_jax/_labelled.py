@@ -132,11 +132,11 @@ def untouched_coordinates(
 
 
 def refined_coordinates(
-    array: xr.DataArray, axes: Sequence[Axis], factor: int
+    array: xr.DataArray, axes: Sequence[Axis], factors: Sequence[int]
 ) -> dict[Hashable, Any]:
     """All coordinates on the finer grid; those that are no real numbers are left out."""
     found: dict[Hashable, Any] = dict(untouched_coordinates(array, axes))
-    for axis in axes:
+    for axis, factor in zip(axes, factors, strict=True):
         if axis.dim in array.coords:
             attributes = array.coords[axis.dim].attrs
             found[axis.dim] = (axis.dim, axis.refined(factor), attributes)
@@ -145,7 +145,7 @@ def refined_coordinates(
         numbers = each.dtype.kind == "f" and name not in found and not around & set(each.dims)
         if numbers and not _jumps(each):
             values = each.to_numpy()
-            for axis in axes:
+            for axis, factor in zip(axes, factors, strict=True):
                 if axis.dim in each.dims:
                     values = _linear(values, each.dims.index(axis.dim), factor)
             found[name] = (each.dims, values, each.attrs)

@@ -28,7 +28,7 @@ class FairUpsample(eqx.Module):
 
     Parameters
     ----------
-    factor : int
+    factor : int or tuple of `ndim` ints
         From n to `factor (n - 1) + 1` samples per axis: samples stay, others come between them.
     ndim : int
         Spatial axes, 2 or 3, the last of the input.
@@ -59,14 +59,14 @@ class FairUpsample(eqx.Module):
     (8, 3, 61, 45)
     """
 
-    factor: int = eqx.field(static=True)
+    factor: int | tuple[int, ...] = eqx.field(static=True, converter=_hashable)
     ndim: int = eqx.field(static=True, default=2)
     method: AbstractFairing = eqx.field(default_factory=LocalFairing)
     spacing: float | tuple[float, ...] = eqx.field(static=True, default=1.0, converter=_hashable)
 
     def __check_init__(self):
-        _check.check_count(self.factor, 1, "factor")
         _check.check_choice(self.ndim, _check.DIMENSIONS, "ndim")
+        _check.check_factors(self.factor, self.ndim)
         _check.check_per_axis(self.spacing, self.ndim, "spacing", positive=True)
         if not isinstance(self.method, AbstractFairing):
             raise ValueError(

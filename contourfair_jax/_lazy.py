@@ -28,16 +28,15 @@ class _Task:
 def _refine(task: _Task, number: int, block: np.ndarray) -> np.ndarray:
     tile = task.tiling.tile(number)
     samples = read_block(block, (slice(None),) * block.ndim, task.dtype)
-    tiling = task.tiling
-    check_gaps(task.method, samples, tile, tiling)
+    check_gaps(task.method, samples, tile, task.tiling)
     program = Program(task.method, task.spacing, task.dtype)
-    fine, _ = program(samples, tile.offset, tiling.window, tiling.factor)
+    fine, _ = program(samples, tile.offset, task.tiling)
     return fine[tile.cut]
 
 
 def refine_lazily(
     samples: Any,
-    factor: int,
+    factors: tuple[int, ...],
     method: AbstractFairing,
     spacing: Sequence[float],
     dtype: np.dtype,
@@ -46,8 +45,7 @@ def refine_lazily(
     import dask.array as da
     from dask.delayed import delayed
 
-    halo, cells = overlap_of(method, samples.ndim, factor)
-    tiling = Tiling(samples.shape, factor, cells, halo)
+    tiling = Tiling(samples.shape, factors, *overlap_of(method, factors))
     task = _Task(tiling, method, tuple(spacing), dtype)
     parts = np.empty(tiling.counts, dtype=object)
     for tile in tiling:

@@ -6,16 +6,17 @@ The engine, and with it JAX, is imported when something is computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._factors import describe_factors
 from ._periodic import check_turn, one_turn, with_turns
 from .io import Grid, InputError, check_memory, exact_float
-from .io._geometry import spacing_of
+from .io._geometry import refined_shape, spacing_of
 
 if TYPE_CHECKING:
     from . import BezierField
@@ -80,13 +81,16 @@ def check_axes(grid: Grid, ndim: tuple[int, ...] = (2, 3)) -> None:
         raise InputError("every sample is missing, so there is nothing to fair")
 
 
-def check_fairable(grid: Grid, factor: int = 1, ndim: tuple[int, ...] = (2, 3)) -> None:
-    """Refuse, in one line, what cannot be faired or would not fit in memory."""
+def check_fairable(
+    grid: Grid, factors: Sequence[int] | None = None, ndim: tuple[int, ...] = (2, 3)
+) -> None:
+    """Refuse, in one line, what cannot be faired, or refined so, or would not fit in memory."""
     check_axes(grid, ndim)
+    factors = (1,) * grid.ndim if factors is None else factors
     shape = " x ".join(str(n) for n in grid.shape)
     net = math.prod(3 * (n - 1) + 1 for n in grid.shape)
-    finer = math.prod(factor * (n - 1) + 1 for n in grid.shape)
-    check_memory(8 * (2 * net + 2 * finer), f"fairing {shape} samples and refining by {factor}")
+    finer, times = math.prod(refined_shape(grid.shape, factors)), describe_factors(factors)
+    check_memory(8 * (2 * net + 2 * finer), f"fairing {shape} samples and refining by {times}")
 
 
 def result_dtype(grid: Grid, single: bool) -> np.dtype:

@@ -15,6 +15,7 @@ import equinox as eqx
 import numpy as np
 
 from . import __version__, _check
+from ._factors import describe_factors
 from ._global import GlobalFairing
 from ._local import LocalFairing
 from ._method import AbstractFairing
@@ -63,7 +64,7 @@ class Outcome:
 
 def plan_job(
     given: Any,
-    factor: int,
+    factor: int | Sequence[int],
     method: AbstractFairing | None,
     spacing: float | Sequence[float],
     dtype: Any,
@@ -85,7 +86,7 @@ def plan_job(
         raise ValueError(
             f"source must be 2-D or 3-D with at least 3 samples along every axis, got shape {shape}"
         )
-    _check.check_count(factor, 1, "factor")
+    factors = _check.check_factors(factor, len(shape))
     chosen = np.dtype(exact_float(kind) if dtype is None else dtype)
     if chosen not in (np.float32, np.float64):
         raise ValueError(f"dtype must be float32 or float64, got {chosen}")
@@ -96,8 +97,7 @@ def plan_job(
         )
     steps = np.broadcast_to(steps, len(shape))
     method = LocalFairing() if method is None else method
-    halo, cells = overlap_of(method, len(shape), factor)
-    tiling = Tiling(shape, int(factor), cells, halo)
+    tiling = Tiling(shape, factors, *overlap_of(method, factors))
     return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen, fill)
 
 
@@ -191,7 +191,7 @@ def settings_of(job: Job, digest: str) -> dict[str, Any]:
     return {
         "shape of the input": list(job.tiling.shape),
         "type of the input": np.dtype(array.dtype).str,
-        "factor": job.tiling.factor,
+        "factor": describe_factors(job.tiling.factors),
         "method": type(method).__name__,
         **of_method,
         "spacing": list(job.spacing),

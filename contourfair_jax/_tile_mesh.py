@@ -27,7 +27,7 @@ from ._tiling import Tiling
 
 def refine_sharded(
     values: ArrayLike,
-    factor: int,
+    factor: int | Sequence[int],
     mesh: Mesh,
     *,
     method: AbstractFairing | None = None,
@@ -45,8 +45,8 @@ def refine_sharded(
     ----------
     values : array, shape (n_1, ..., n_d)
         Samples, 2-D or 3-D.
-    factor : int
-        How many times finer.
+    factor : int or sequence of ndim ints
+        How many times finer, along each axis where they differ.
     mesh : jax.sharding.Mesh
         The first axis of the mesh divides the first axis of the grid, and so on; a mesh may have
         fewer axes than the grid.
@@ -67,14 +67,13 @@ def refine_sharded(
     """
     values = _check.check_samples(values)
     steps = _check.check_per_axis(spacing, values.ndim, "spacing", positive=True)
-    _check.check_count(factor, 1, "factor")
+    factors = _check.check_factors(factor, values.ndim)
     if len(mesh.axis_names) > values.ndim:
         raise ValueError(
             f"mesh must have at most {values.ndim} axes for these values, got {mesh.axis_names}"
         )
     method = LocalFairing() if method is None else method
-    halo, cells = overlap_of(method, values.ndim, factor)
-    tiling = Tiling(values.shape, int(factor), cells, halo)
+    tiling = Tiling(values.shape, factors, *overlap_of(method, factors))
     method = settings_as_arrays(tile_method(method.prepare(values)), values.dtype)
     return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))
 
@@ -148,7 +147,7 @@ def _of_device(
     ]
     for axis, part in enumerate(parts):
         samples = _with_rim(samples, axis, part)
-    own = tuple(tiling.factor * tiling.cells for _ in parts)
+    own = tiling.own
 
     def one(position: Array) -> Array:
         corners = [_corners(tiling, axis, firsts[axis], position[axis]) for axis in range(len(own))]
@@ -156,7 +155,7 @@ def _of_device(
         at = [s - f + part.below for s, f, part in zip(starts, firsts, parts, strict=True)]
         block = jax.lax.dynamic_slice(samples, at, tiling.block)
         fine, _ = refine_block(
-            method, block, spacing, jnp.stack(offsets), tiling.window, tiling.factor
+            method, block, spacing, jnp.stack(offsets), tiling.window, tiling.factors
         )
         # The window of a last tile may end before the tile does.
         padded = jnp.pad(fine, [(0, size) for size in own])
@@ -178,7 +177,7 @@ def _corners(tiling: Tiling, axis: int, first: Array | int, position: Array) -> 
     cell = first + position * tiling.cells
     start = jnp.clip(cell - tiling.halo, 0, n - block)
     low = jnp.minimum(cell, n - 1 - window)
-    return start, low - start, tiling.factor * (cell - low)
+    return start, low - start, tiling.factors[axis] * (cell - low)
 
 
 def _with_rim(samples: Array, axis: int, part: _Part) -> Array:

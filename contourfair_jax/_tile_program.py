@@ -49,8 +49,8 @@ _TOLERANCE = 1e-6
 _MOST = {2: 4096, 3: 256}
 
 
-def overlap_of(method: AbstractFairing, ndim: int, factor: int) -> tuple[int, int]:
-    """Halo and cells per axis of the tiles for a method.
+def overlap_of(method: AbstractFairing, factors: tuple[int, ...]) -> tuple[int, int]:
+    """Halo and cells per axis of the tiles for a method, so many times finer along each axis.
 
     Raises
     ------
@@ -77,7 +77,8 @@ def overlap_of(method: AbstractFairing, ndim: int, factor: int) -> tuple[int, in
             "so it cannot be used in tiles; leave it 0, or fair the whole grid with fair_field"
         )
     halo, cells = _OVERLAPS[type(method)]
-    return halo, max(4, min(cells[ndim], _MOST[ndim] // factor))
+    ndim = len(factors)
+    return halo, max(4, min(cells[ndim], _MOST[ndim] // max(factors)))
 
 
 def tile_method(method: AbstractFairing) -> AbstractFairing:
@@ -93,7 +94,7 @@ def refine_block(
     spacing: Float[Array, " ndim"],
     offset: Int[Array, " ndim"],
     window: tuple[int, ...],
-    factor: int,
+    factors: tuple[int, ...],
     fill: bool = True,
 ) -> tuple[Float[Array, "*fine"], Bool[Array, ""]]:
     """Refine `window` cells of a block, those from the cell `offset` on.
@@ -102,7 +103,7 @@ def refine_block(
 
     Returns
     -------
-    values : array, factor * window + 1 along each axis
+    values : array, factor * window + 1 along every axis
     converged : bool array
     """
     net, report = method.fit(block, spacing)
@@ -111,7 +112,7 @@ def refine_block(
     points = tuple(3 * cells + 1 for cells in window)
     part = jax.lax.dynamic_slice(net, tuple(3 * offset), points)
     converged = jnp.asarray(True) if report is None else report.converged
-    return BezierField(part, spacing, jnp.zeros_like(spacing)).refine(factor), converged
+    return BezierField(part, spacing, jnp.zeros_like(spacing)).refine(factors), converged
 
 
 _compiled = eqx.filter_jit(refine_block)
@@ -146,12 +147,11 @@ class Program:
             self._spacing = jnp.asarray(np.array(spacing), self._dtype)
 
     def __call__(
-        self, block: np.ndarray, offset: Sequence[int], window: tuple[int, ...], factor: int
+        self, block: np.ndarray, offset: Sequence[int], tiling: Tiling
     ) -> tuple[np.ndarray, bool]:
         """The refined window, and whether the method converged; a block of gaps stays one."""
         if np.isnan(block).all():
-            fine = tuple(factor * cells + 1 for cells in window)
-            return np.full(fine, np.nan, self._dtype), True
+            return np.full(tiling.fine_window, np.nan, self._dtype), True
         with self._precision():
             samples = jnp.asarray(block, self._dtype)
             values, converged = _compiled(
@@ -159,8 +159,8 @@ class Program:
                 samples,
                 self._spacing,
                 jnp.asarray(np.array(offset), np.int32),
-                window,
-                factor,
+                tiling.window,
+                tiling.factors,
                 self._fill,
             )
             return np.asarray(values), bool(converged)
@@ -172,5 +172,5 @@ class Program:
 def tile_bytes(tiling: Tiling, itemsize: int) -> int:
     """About the memory that one tile takes while it is computed."""
     ndim, vertices = len(tiling.shape), math.prod(tiling.block)
-    fine = math.prod(tiling.factor * cells + 1 for cells in tiling.window)
+    fine = math.prod(tiling.fine_window)
     return itemsize * (64 * 2**ndim * vertices + 4 * fine)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._factors import describe_factors
 from ._tile_program import tile_bytes
 from ._tile_state import Unfinished
 from ._tiling import Tiling
@@ -36,8 +37,8 @@ def check_room(tiling: Tiling, computed: np.dtype, stored: np.dtype, state: Unfi
     tile, memory = tile_bytes(tiling, computed.itemsize), physical_memory()
     if tile > memory:
         raise InputError(
-            f"one tile at factor {tiling.factor} needs {describe_bytes(tile)} of memory, this "
-            f"machine has {describe_bytes(memory)}; take a smaller --factor"
+            f"one tile at factor {describe_factors(tiling.factors)} needs {describe_bytes(tile)} "
+            f"of memory, this machine has {describe_bytes(memory)}; take a smaller --factor"
         )
     output = math.prod(tiling.fine_shape) * stored.itemsize
     least = int(output * _SMALLEST_PART.get(state.target.suffix.lower(), 1))

@@ -72,7 +72,7 @@ class Worker:
         block = read_block(self._array, tile.block, job.dtype)
         if job.fill:
             check_gaps(job.method, block, tile, job.tiling)
-        fine, converged = self._program(block, tile.offset, job.tiling.window, job.tiling.factor)
+        fine, converged = self._program(block, tile.offset, job.tiling)
         return fine[tile.cut], converged
 
     def run(self, number: int) -> "Stored":

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .io._geometry import refined_shape
+
 Slices = tuple[slice, ...]
 
 
@@ -48,8 +50,8 @@ class Tiling:
     ----------
     shape
         Samples per axis.
-    factor
-        How many times finer the result is.
+    factors
+        How many times finer the result is along each axis.
     cells
         Cells along each axis of a tile.
     halo
@@ -57,7 +59,7 @@ class Tiling:
     """
 
     shape: tuple[int, ...]
-    factor: int
+    factors: tuple[int, ...]
     cells: int
     halo: int
 
@@ -79,22 +81,32 @@ class Tiling:
     @property
     def fine_shape(self) -> tuple[int, ...]:
         """Samples per axis of the result."""
-        return tuple(self.factor * (n - 1) + 1 for n in self.shape)
+        return refined_shape(self.shape, self.factors)
+
+    @property
+    def own(self) -> tuple[int, ...]:
+        """Samples per axis of the result that a tile owns, if it is not the last."""
+        return tuple(factor * self.cells for factor in self.factors)
+
+    @property
+    def fine_window(self) -> tuple[int, ...]:
+        """Samples per axis of the refined window."""
+        return refined_shape([cells + 1 for cells in self.window], self.factors)
 
     @property
     def chunks(self) -> tuple[int, ...]:
         """Samples per axis of chunks of the result that each belong to one tile."""
         return tuple(
-            fine if count == 1 else self.factor * self.cells
-            for fine, count in zip(self.fine_shape, self.counts, strict=True)
+            fine if count == 1 else own
+            for fine, count, own in zip(self.fine_shape, self.counts, self.own, strict=True)
         )
 
     @property
     def sizes(self) -> tuple[tuple[int, ...], ...]:
         """Samples of the result that each tile owns, along each axis."""
         return tuple(
-            (*(self.factor * self.cells for _ in range(count - 1)), last)
-            for count, last in zip(self.counts, self._last_sizes(), strict=True)
+            (own,) * (count - 1) + (fine - own * (count - 1),)
+            for fine, count, own in zip(self.fine_shape, self.counts, self.own, strict=True)
         )
 
     def __len__(self) -> int:
@@ -105,11 +117,13 @@ class Tiling:
 
     def tile(self, number: int) -> Tile:
         """The tile of a number."""
-        axes = zip(np.unravel_index(number, self.counts), self.shape, strict=True)
-        block, offset, cut, region = zip(*(self._along(int(k), n) for k, n in axes), strict=True)
+        axes = zip(np.unravel_index(number, self.counts), self.shape, self.factors, strict=True)
+        block, offset, cut, region = zip(
+            *(self._along(int(k), n, factor) for k, n, factor in axes), strict=True
+        )
         return Tile(number, block, offset, cut, region)
 
-    def _along(self, position: int, n: int) -> tuple[slice, int, slice, slice]:
+    def _along(self, position: int, n: int, factor: int) -> tuple[slice, int, slice, slice]:
         """Block, offset, cut and region along one axis of `n` samples."""
         first = position * self.cells
         last = min(first + self.cells, n - 1)
@@ -117,17 +131,11 @@ class Tiling:
         start = min(max(first - self.halo, 0), n - block)
         window = min(first, n - 1 - min(n - 1, self.cells))
         closing = int(last == n - 1)
-        begin, end = self.factor * first, self.factor * last + closing
-        shift = self.factor * window
+        begin, end = factor * first, factor * last + closing
+        shift = factor * window
         return (
             slice(start, start + block),
             window - start,
             slice(begin - shift, end - shift),
             slice(begin, end),
         )
-
-    def _last_sizes(self) -> list[int]:
-        return [
-            self.factor * (n - 1 - (count - 1) * self.cells) + 1
-            for n, count in zip(self.shape, self.counts, strict=True)
-        ]

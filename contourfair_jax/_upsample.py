@@ -15,6 +15,7 @@ from ._apart import check_apart
 from ._axis_units import degrees_note
 from ._console import Reporter
 from ._describe import Output, describe_count, missing_note
+from ._factors import Factor
 from ._run import (
     Settings,
     check_axes,
@@ -28,6 +29,7 @@ from ._run import (
 )
 from ._steps import load, load_bands, warn_narrowing
 from .io import Grid, InputError, check_writable, write_bands
+from .io._geometry import refine_affine, refined_shape
 
 if TYPE_CHECKING:
     from ._method import AbstractFairing
@@ -88,7 +90,7 @@ def _size(source: Path) -> int:
 def upsample_whole(
     source: Path,
     target: Path,
-    factor: int,
+    factor: Factor,
     method: str,
     settings: Settings,
     key: str | None,
@@ -112,10 +114,11 @@ def upsample_whole(
         grids = load_bands(source, target, say, fill, joined)
     else:
         grids = (load(source, key, target, say, fill, joined),)
+    factors = factor.of(grids[0])
     for grid in grids:
-        check_fairable(grid, factor)
+        check_fairable(grid, factors)
     dtype = np.result_type(*(result_dtype(grid, single) for grid in grids))
-    check_writable(target, *(_like_refined(each, factor, dtype) for each in grids))
+    check_writable(target, *(_like_refined(each, factors, dtype) for each in grids))
     warn_narrowing(grids[0], single, say)
     around = periodic_axes(grids[0], periodic)
     shape, count = grids[0].shape, len(grids)
@@ -126,10 +129,10 @@ def upsample_whole(
         for grid in grids:
             if several:
                 move(len(results), len(grids))
-            finer = np.asarray(fair(grid, method, settings, fill, around).refine(factor))
+            finer = np.asarray(fair(grid, method, settings, fill, around).refine(factors))
             for axis in around:  # the first sample of the next turn
                 finer = np.delete(finer, -1, axis)
-            results.append(grid.refined(finer.astype(dtype, copy=False), factor, around))
+            results.append(grid.refined(finer.astype(dtype, copy=False), factors, around))
     with say.working(f"writing {target}"):
         notes = write_bands(target, results)
     for note in notes:
@@ -137,10 +140,10 @@ def upsample_whole(
     return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
 
 
-def _like_refined(grid: Grid, factor: int, dtype: np.dtype) -> Grid:
+def _like_refined(grid: Grid, factors: tuple[int, ...], dtype: np.dtype) -> Grid:
     """The samples as their refinement is: of its type, and between whole numbers."""
     values = grid.values.astype(dtype)
-    if factor > 1:
+    if max(factors) > 1:
         values = values + dtype.type(_BETWEEN)
     return replace(grid, values=values)
 
@@ -148,7 +151,7 @@ def _like_refined(grid: Grid, factor: int, dtype: np.dtype) -> Grid:
 def upsample_in_tiles(
     source: Path,
     target: Path,
-    factor: int,
+    factor: Factor,
     method: str,
     settings: Settings,
     key: str | None,
@@ -177,7 +180,8 @@ def upsample_in_tiles(
     check_axes(grid)
     warn_narrowing(grid, single, say)
     chosen = choose_method(grid, method, settings)
-    tiling = _tiling(chosen, grid, factor)
+    factors = factor.of(grid)
+    tiling = _tiling(chosen, grid, factors)
     kind = np.dtype(np.float32 if single else np.float64)
     stored, state = result_dtype(grid, single), Unfinished(target)
     earlier = whole_output(source, state, tiling.fine_shape, stored) if division.resume else None
@@ -190,7 +194,7 @@ def upsample_in_tiles(
     if division.resume and not state.started:
         say.note("nothing to resume: there is no unfinished run, so all is computed")
     check_room(tiling, kind, stored, state)
-    finer = _outline(grid, factor, stored)
+    finer = _outline(grid, factors, stored)
     job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind, fill)
     job = replace(job, store=_store(job, state, finer))
     size = " x ".join(str(n) for n in grid.shape)
@@ -218,16 +222,15 @@ def upsample_in_tiles(
     return Output(outcome.shape, stored, outcome.missing)
 
 
-def _tiling(method: AbstractFairing, grid: Grid, factor: int) -> Tiling:
+def _tiling(method: AbstractFairing, grid: Grid, factors: tuple[int, ...]) -> Tiling:
     """How the grid is cut; what cannot be cut is bad input here."""
     from ._tile_program import overlap_of
     from ._tiling import Tiling
 
     try:
-        halo, cells = overlap_of(method, grid.ndim, factor)
+        return Tiling(grid.shape, factors, *overlap_of(method, factors))
     except ValueError as error:
         raise InputError(str(error)) from error
-    return Tiling(grid.shape, factor, cells, halo)
 
 
 def _opened(
@@ -251,16 +254,14 @@ def _opened(
     return grid, opened
 
 
-def _outline(grid: Grid, factor: int, dtype: np.dtype) -> Grid:
+def _outline(grid: Grid, factors: tuple[int, ...], dtype: np.dtype) -> Grid:
     """The refined grid without its samples; missing ones are NaN."""
-    from .io._geometry import refine_affine
-
-    shape = tuple(factor * (n - 1) + 1 for n in grid.shape)
+    fine = refined_shape(grid.shape, factors)
     return replace(
         grid,
-        values=np.broadcast_to(np.zeros((), dtype), shape),
-        spacing=tuple(step / factor for step in grid.spacing),
-        affine=None if grid.affine is None else refine_affine(grid.affine, factor),
+        values=np.broadcast_to(np.zeros((), dtype), fine),
+        spacing=tuple(step / k for step, k in zip(grid.spacing, factors, strict=True)),
+        affine=None if grid.affine is None else refine_affine(grid.affine, factors),
         missing=None,
         nodata=None,
     )

@@ -21,6 +21,7 @@ from ._cli_meshes import COMMANDS as MESHES
 from ._cli_metrics import COMMANDS as METRICS
 from ._console import Reporter
 from ._describe import facts, information
+from ._factors import Factor
 from ._levels import check_choice
 from ._options import (
     SUMMARY,
@@ -91,13 +92,21 @@ def _options_of_all(
         "contourfair upsample dem.tif -o dem_4x.tif",
         "contourfair upsample image.tif -o image_2x.tif --all-bands --factor 2",
         "contourfair upsample scan.npz --key data -o scan_2x.npz --factor 2",
+        "contourfair upsample head.nii.gz -o head_even.nii.gz --factor z=4",
         "contourfair upsample big.zarr -o big_4x.zarr --workers 2 --resume",
     )
 )
 def upsample(
     source: Input,
     target: Annotated[Path, output(f"File for the finer samples: {WRITABLE}.")],
-    factor: Annotated[int, typer.Option("--factor", "-f", help="How many times finer.")] = 4,
+    factor: Annotated[
+        str,
+        typer.Option(
+            "--factor",
+            "-f",
+            help="How many times finer; 1,1,4 for every axis in order, z=4 for one by its name.",
+        ),
+    ] = "4",
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
@@ -120,8 +129,7 @@ def upsample(
     Zarr folders, and large .npy files, are written part by part: they need not fit in memory.
     """
     say = Reporter(quiet, as_json)
-    if factor < 1:
-        raise InputError(f"--factor must be 1 or more, got {factor}")
+    finer = Factor.parse(factor)
     settings = Settings(iterations, thin_plate_weight)
     check_options(method, settings, fill)
     tiling = Division(workers, resume, memory)
@@ -134,11 +142,11 @@ def upsample(
                 "xarray's .fair.upsample does it for Zarr"
             )
         made = upsample_in_tiles(
-            source, target, factor, method, settings, key, single, tiling, fill, say
+            source, target, finer, method, settings, key, single, tiling, fill, say
         )
     else:
         made = upsample_whole(
-            source, target, factor, method, settings, key, single, fill, say, bands, periodic
+            source, target, finer, method, settings, key, single, fill, say, bands, periodic
         )
     say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
 

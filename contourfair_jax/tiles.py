@@ -36,7 +36,7 @@ from ._tiling import Slices
 def refine_to(
     source: Any,
     target: str | os.PathLike[str],
-    factor: int,
+    factor: int | Sequence[int],
     *,
     method: AbstractFairing | None = None,
     spacing: float | Sequence[float] = 1.0,
@@ -60,8 +60,9 @@ def refine_to(
         map, a Zarr array, an xarray `DataArray`.  What is masked or infinite is missing.
     target : path
         A name ending in ``.zarr`` (an array of version 3) or ``.npy``.
-    factor : int
-        How many times finer; an axis of n samples gets ``factor * (n - 1) + 1``.
+    factor : int or sequence of ndim ints
+        How many times finer, along each axis where they differ; one of n samples gets
+        ``factor * (n - 1) + 1``.
     method : LocalFairing or GlobalFairing
         As for `fair_field`; settings that look at the whole grid are refused.
     spacing : float or sequence of ndim floats
@@ -121,7 +122,7 @@ def refine_to(
 
 def refine_tiles(
     source: Any,
-    factor: int,
+    factor: int | Sequence[int],
     *,
     method: AbstractFairing | None = None,
     spacing: float | Sequence[float] = 1.0,

@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 
 from . import BezierField, fair_field
+from ._check import check_factors
 from ._labelled import Axis, axes_of, refined_coordinates, untouched_coordinates
 from ._local import LocalFairing
 from ._method import AbstractFairing
@@ -62,7 +63,7 @@ class FairAccessor:
 
     def upsample(
         self,
-        factor: int,
+        factor: int | Mapping[Any, int],
         *,
         dims: Sequence[Hashable] | None = None,
         method: AbstractFairing | None = None,
@@ -73,30 +74,32 @@ class FairAccessor:
         An axis of n samples gets ``factor * (n - 1) + 1``, a periodic one ``factor * n``.  Other
         coordinates of real numbers along the axes are refined linearly, the rest is left out.
 
+        Factors by dimension, as in ``{"z": 4}``, leave the samples along the others as they are.
+
         An array in dask chunks stays one, computed when it is asked for, in tiles of its own as by
         `contourfair_jax.tiles`: the chunks do not change the result.  Its chunks are refined too.
 
         Raises
         ------
         ValueError
-            For a factor below 1, or coordinates that are not even.
+            For a factor below 1, or of what is not a faired dimension, or coordinates that are not
+            even.
         """
-        if factor < 1:
-            raise ValueError(f"factor must be 1 or more, got {factor}")
         array, axes = self._prepared(dims, periodic, lazily=True)
+        factors = _factors(factor, axes)
 
         def refine(field: BezierField) -> np.ndarray:
-            values = np.asarray(field.refine(factor))
+            values = np.asarray(field.refine(factors))
             for k, axis in enumerate(axes):
-                values = axis.turned(values, k, factor)
+                values = axis.turned(values, k, factors[k])
             return values
 
         if array.chunks is None:
             values = _of_each(array, axes, method, refine)
         else:
-            values = _refined_lazily(array, axes, method, factor)
+            values = _refined_lazily(array, axes, method, factors)
         finer = xr.DataArray(values, dims=array.dims, name=array.name, attrs=array.attrs)
-        finer = finer.assign_coords(refined_coordinates(array, axes, factor))
+        finer = finer.assign_coords(refined_coordinates(array, axes, factors))
         return finer.transpose(*self._array.dims)
 
     def interp(
@@ -210,8 +213,21 @@ def _of_each(
     return np.stack(made).reshape((*batch, *made[0].shape))
 
 
+def _factors(factor: int | Mapping[Any, int], axes: tuple[Axis, ...]) -> tuple[int, ...]:
+    """How many times finer along each axis."""
+    known = [axis.dim for axis in axes]
+    if not isinstance(factor, Mapping):
+        return check_factors(factor, len(axes))
+    if set(factor) - set(known):
+        raise ValueError(f"factor must be along {known}, got {sorted(map(str, factor))}")
+    return check_factors([factor.get(dim, 1) for dim in known], len(axes))
+
+
 def _refined_lazily(
-    array: xr.DataArray, axes: tuple[Axis, ...], method: AbstractFairing | None, factor: int
+    array: xr.DataArray,
+    axes: tuple[Axis, ...],
+    method: AbstractFairing | None,
+    factors: tuple[int, ...],
 ) -> Any:
     """The refined samples as a dask array, in the directions of the coordinates."""
     from ._lazy import each_member, refine_lazily, refined_chunks
@@ -223,8 +239,8 @@ def _refined_lazily(
     def refine(member: Any) -> Any:
         for k, axis in enumerate(axes):
             member = axis.upward(member, k)
-        fine = refine_lazily(member, factor, method, steps, exact_float(array.dtype))
-        for k, axis in enumerate(axes):
+        fine = refine_lazily(member, factors, method, steps, exact_float(array.dtype))
+        for k, (axis, factor) in enumerate(zip(axes, factors, strict=True)):
             if axis.periodic:
                 first, last = factor * axis.margin, factor * (axis.margin + len(axis.coordinate))
                 fine = fine[(slice(None),) * k + (slice(first, last + 1),)]
@@ -232,8 +248,8 @@ def _refined_lazily(
         return fine
 
     fine = each_member(samples, len(axes), refine)
-    along = zip(samples.chunks[leading:], axes, strict=True)
-    chunks = [refined_chunks(sizes, factor, axis.periodic) for sizes, axis in along]
+    along = zip(samples.chunks[leading:], factors, axes, strict=True)
+    chunks = [refined_chunks(sizes, factor, axis.periodic) for sizes, factor, axis in along]
     return fine.rechunk((*samples.chunks[:leading], *chunks))
 
 

@@ -643,7 +643,7 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
         (("upsample", "in.npy", "-o", "out.xyz"), "files of this name are not written"),
         (("upsample", "in.npy", "-o", "out.png"), "a PNG holds whole grey values"),
         (("upsample", "in.npy", "-o", "out.npy", "-f", "0"), "--factor must be 1 or more, got 0"),
-        (("upsample", "in.npy", "-o", "out.npy", "-f", "two"), "Invalid value for '--factor'"),
+        (("upsample", "in.npy", "-o", "out.npy", "-f", "two"), "--factor must be a whole number"),
         (("upsample", "in.npy", "-o", "out.npy", "-f", "9999999"), "this machine has"),
         (("upsample", "in.npy", "-o", "out.npy", "-m", "best"), "method must be one of local"),
         (("upsample", "in.npy", "-o", "out.npy", "--iterations", "-1"), "iterations must be"),

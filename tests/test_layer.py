@@ -101,6 +101,10 @@ def test_each_shape_is_traced_once():
     [
         (lambda: cf.FairUpsample(0), r"^factor must be an integer that is at least 1"),
         (lambda: cf.FairUpsample(2.0), r"^factor must be an integer"),
+        (
+            lambda: cf.FairUpsample((2, 3), ndim=3),
+            r"^factor must be one integer or 3, one per axis",
+        ),
         (lambda: cf.FairUpsample(2, ndim=4), r"^ndim must be one of 2, 3, got 4"),
         (lambda: cf.FairUpsample(2, method="local"), r"^method must be an object such as"),
         (lambda: cf.FairUpsample(2)(jnp.zeros(5)), r"^x must have at least 2 axes"),

@@ -61,7 +61,8 @@ def refined(source, target, **settings):
 @pytest.mark.parametrize("cells", [4, 5])
 @pytest.mark.parametrize("shape", [(3, 21), (5, 6), (9, 10, 4), (17, 16)])
 def test_tiles_are_a_partition_in_whole_chunks(shape, cells, halo):
-    tiling = Tiling(shape, 3, cells, halo)
+    factors = (3, 2, 4)[: len(shape)]
+    tiling = Tiling(shape, factors, cells, halo)
     owner = np.full(tiling.fine_shape, -1)
     chunks = set()
     for tile in tiling:
@@ -74,10 +75,11 @@ def test_tiles_are_a_partition_in_whole_chunks(shape, cells, halo):
         for axis, n in enumerate(shape):
             assert 0 <= blocks[axis] <= n - tiling.block[axis]
             assert 0 <= tile.offset[axis] <= tiling.block[axis] - 1 - tiling.window[axis]
-            start = 3 * (blocks[axis] + tile.offset[axis])
+            start = factors[axis] * (blocks[axis] + tile.offset[axis])
             assert index[axis][0] - start == cut[axis][0]
             # Cells whose halo is not in the block are those at the border of the grid.
-            first, last = index[axis][0] // 3, -(-index[axis][-1] // 3)
+            factor = factors[axis]
+            first, last = index[axis][0] // factor, -(-index[axis][-1] // factor)
             assert blocks[axis] in (0, max(blocks[axis], 0))
             assert blocks[axis] == 0 or first - blocks[axis] >= min(halo, first)
             end = blocks[axis] + tiling.block[axis]

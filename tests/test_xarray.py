@@ -218,7 +218,7 @@ def test_contours_of_a_periodic_axis_reach_around():
 @pytest.mark.parametrize(
     ("change", "settings", "said"),
     [
-        (lambda a: a, {"factor": 0}, "factor must be 1 or more, got 0"),
+        (lambda a: a, {"factor": 0}, "factor must be an integer that is at least 1, got 0"),
         (lambda a: a.assign_coords(lat=UP**2), {}, "coordinate 'lat' is not evenly spaced"),
         (lambda a: a.assign_coords(lat=list("abcdef")), {}, "which has no length"),
         (lambda a: a, {"dims": ["lat", "x"]}, r"dims must name 2 or 3 .* got \['lat', 'x'\]"),

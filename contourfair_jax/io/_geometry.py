@@ -82,10 +82,15 @@ def seam_note(name: str) -> str:
     return f"{name} goes all around; the cells between its last and first sample are left out"
 
 
-def refine_affine(affine: np.ndarray, factor: int) -> np.ndarray:
-    """The map of a grid with `factor` times as many steps; sample 0 stays where it is."""
+def refined_shape(shape: Sequence[int], factors: Sequence[int]) -> tuple[int, ...]:
+    """Samples per axis of a grid with that many times as many steps along each."""
+    return tuple(factor * (n - 1) + 1 for n, factor in zip(shape, factors, strict=True))
+
+
+def refine_affine(affine: np.ndarray, factors: Sequence[int]) -> np.ndarray:
+    """The map of a grid with that many times as many steps; sample 0 stays where it is."""
     refined = affine.copy()
-    refined[:-1, :-1] /= factor
+    refined[:-1, :-1] /= np.asarray(factors)
     return refined
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ._errors import InputError
-from ._geometry import crop_affine, origin_of, refine_affine, spacing_of
+from ._geometry import crop_affine, origin_of, refine_affine, refined_shape, spacing_of
 
 _NAMES = {1: ("x",), 2: ("y", "x"), 3: ("z", "y", "x")}
 
@@ -156,14 +156,18 @@ class Grid:
         index = (points - np.asarray(self.origin)) / np.asarray(self.spacing)
         return index @ self.affine[:-1, :-1].T + self.affine[:-1, -1]
 
-    def refined(self, values: np.ndarray, factor: int, periodic: Sequence[int] = ()) -> Grid:
+    def refined(
+        self, values: np.ndarray, factor: int | Sequence[int], periodic: Sequence[int] = ()
+    ) -> Grid:
         """`values` on the grid that is `factor` times finer; its NaN are missing samples.
 
         Sample ``i`` becomes sample ``factor * i``, so no sample position moves.  `periodic` axes go
-        on until just before the next turn.
+        on until just before the next turn.  The factor may be one for each axis.
         """
+        factors = (factor,) * self.ndim if isinstance(factor, int) else tuple(factor)
         expected = tuple(
-            factor * n if k in periodic else factor * (n - 1) + 1 for k, n in enumerate(self.shape)
+            n + factors[k] - 1 if k in periodic else n
+            for k, n in enumerate(refined_shape(self.shape, factors))
         )
         if values.shape != expected:
             raise InputError(f"values refined by {factor} must be {expected}, got {values.shape}")
@@ -171,8 +175,8 @@ class Grid:
         return replace(
             self,
             values=values,
-            spacing=tuple(step / factor for step in self.spacing),
-            affine=None if self.affine is None else refine_affine(self.affine, factor),
+            spacing=tuple(step / k for step, k in zip(self.spacing, factors, strict=True)),
+            affine=None if self.affine is None else refine_affine(self.affine, factors),
             missing=missing if missing.any() else None,
         )
 

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -167,7 +168,9 @@ def check_factors(factor: object, ndim: int) -> tuple[int, ...]:
     ValueError
         For another number of them, or one that is no integer of at least 1.
     """
-    each = tuple(factor) if isinstance(factor, Sequence | np.ndarray) else (factor,) * ndim
+    each: tuple[Any, ...] = (factor,) * ndim
+    if isinstance(factor, Sequence | np.ndarray):
+        each = tuple(factor)
     if len(each) != ndim:
         raise ValueError(f"factor must be one integer or {ndim}, one per axis, got {factor!r}")
     for one in each:

@@ -1,6 +1,6 @@
 """Fair upsampling as a layer of a network."""
 
-from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,8 +15,9 @@ from ._local import LocalFairing
 from ._method import AbstractFairing
 
 
-def _hashable(spacing: float | Sequence[float]) -> float | tuple[float, ...]:
-    return tuple(np.asarray(spacing).tolist()) if np.ndim(spacing) else spacing  # pyright: ignore
+def _hashable(each: Any) -> Any:
+    """One for all axes as it is, or one for each as a tuple."""
+    return tuple(np.asarray(each).tolist()) if np.ndim(each) else each
 
 
 class FairUpsample(eqx.Module):

@@ -10,7 +10,7 @@ import numpy as np
 
 from ._method import AbstractFairing
 from ._tile_gaps import check_gaps
-from ._tile_program import Program, overlap_of
+from ._tile_program import Program, tiling_of
 from ._tile_source import read_block
 from ._tiling import Tiling
 
@@ -45,7 +45,7 @@ def refine_lazily(
     import dask.array as da
     from dask.delayed import delayed
 
-    tiling = Tiling(samples.shape, factors, *overlap_of(method, factors))
+    tiling = tiling_of(method, samples.shape, factors)
     task = _Task(tiling, method, tuple(spacing), dtype)
     parts = np.empty(tiling.counts, dtype=object)
     for tile in tiling:

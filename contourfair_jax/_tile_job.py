@@ -20,12 +20,11 @@ from ._global import GlobalFairing
 from ._local import LocalFairing
 from ._method import AbstractFairing
 from ._tile_gaps import is_cut, refusal
-from ._tile_program import overlap_of
+from ._tile_program import tiling_of
 from ._tile_room import affordable
 from ._tile_run import Job, Stored, run_all
 from ._tile_source import Source, is_shared, read_block, slabs, source_of, survey
 from ._tile_state import DONE, OPEN, UNCONVERGED, Unfinished
-from ._tiling import Tiling
 from .io import InputError, exact_float
 from .io._atomic import in_one_line
 from .io._errors import one_line
@@ -97,7 +96,7 @@ def plan_job(
         )
     steps = np.broadcast_to(steps, len(shape))
     method = LocalFairing() if method is None else method
-    tiling = Tiling(shape, factors, *overlap_of(method, factors))
+    tiling = tiling_of(method, shape, factors)
     return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen, fill)
 
 

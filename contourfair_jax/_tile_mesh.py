@@ -21,7 +21,7 @@ from . import _check
 from ._fair import settings_as_arrays
 from ._local import LocalFairing
 from ._method import AbstractFairing
-from ._tile_program import overlap_of, refine_block, tile_method
+from ._tile_program import refine_block, tile_method, tiling_of
 from ._tiling import Tiling
 
 
@@ -73,7 +73,7 @@ def refine_sharded(
             f"mesh must have at most {values.ndim} axes for these values, got {mesh.axis_names}"
         )
     method = LocalFairing() if method is None else method
-    tiling = Tiling(values.shape, factors, *overlap_of(method, factors))
+    tiling = tiling_of(method, values.shape, factors)
     method = settings_as_arrays(tile_method(method.prepare(values)), values.dtype)
     return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))
 

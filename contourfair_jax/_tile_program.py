@@ -49,8 +49,8 @@ _TOLERANCE = 1e-6
 _MOST = {2: 4096, 3: 256}
 
 
-def overlap_of(method: AbstractFairing, factors: tuple[int, ...]) -> tuple[int, int]:
-    """Halo and cells per axis of the tiles for a method, so many times finer along each axis.
+def tiling_of(method: AbstractFairing, shape: tuple[int, ...], factors: tuple[int, ...]) -> Tiling:
+    """The tiles of a grid for a method.
 
     Raises
     ------
@@ -77,8 +77,8 @@ def overlap_of(method: AbstractFairing, factors: tuple[int, ...]) -> tuple[int, 
             "so it cannot be used in tiles; leave it 0, or fair the whole grid with fair_field"
         )
     halo, cells = _OVERLAPS[type(method)]
-    ndim = len(factors)
-    return halo, max(4, min(cells[ndim], _MOST[ndim] // max(factors)))
+    most = _MOST[len(shape)] // max(factors)
+    return Tiling(shape, factors, max(4, min(cells[len(shape)], most)), halo)
 
 
 def tile_method(method: AbstractFairing) -> AbstractFairing:

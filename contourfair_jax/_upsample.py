@@ -224,11 +224,10 @@ def upsample_in_tiles(
 
 def _tiling(method: AbstractFairing, grid: Grid, factors: tuple[int, ...]) -> Tiling:
     """How the grid is cut; what cannot be cut is bad input here."""
-    from ._tile_program import overlap_of
-    from ._tiling import Tiling
+    from ._tile_program import tiling_of
 
     try:
-        return Tiling(grid.shape, factors, *overlap_of(method, factors))
+        return tiling_of(method, grid.shape, factors)
     except ValueError as error:
         raise InputError(str(error)) from error
 

@@ -254,4 +254,4 @@ def test_local_fairing_stays_ahead_of_a_straightforward_program():
 def test_global_fairing_keeps_up_with_a_cubic_zoom():
     values = waves((512, 512))
     fair = fairing((512, 512), cf.GlobalFairing(tolerance=1e-3)).run
-    assert clock.ratio(fair, lambda: ndimage.zoom(values, 4, order=3)) < 4
+    assert clock.ratio(fair, lambda: ndimage.zoom(values, 4, order=3)) < 5

@@ -29,7 +29,7 @@ from ._run import (
 )
 from ._steps import load, load_bands, warn_narrowing
 from .io import Grid, InputError, check_writable, write_bands
-from .io._geometry import refine_affine, refined_shape
+from .io._geometry import refined_shape
 
 if TYPE_CHECKING:
     from ._method import AbstractFairing
@@ -178,9 +178,9 @@ def upsample_in_tiles(
         raise InputError(f"--workers must be 1 or more, got {division.workers}")
     grid, opened = _opened(source, target, method, key, fill, say)
     check_axes(grid)
+    factors = factor.of(grid)
     warn_narrowing(grid, single, say)
     chosen = choose_method(grid, method, settings)
-    factors = factor.of(grid)
     tiling = _tiling(chosen, grid, factors)
     kind = np.dtype(np.float32 if single else np.float64)
     stored, state = result_dtype(grid, single), Unfinished(target)
@@ -256,14 +256,8 @@ def _opened(
 def _outline(grid: Grid, factors: tuple[int, ...], dtype: np.dtype) -> Grid:
     """The refined grid without its samples; missing ones are NaN."""
     fine = refined_shape(grid.shape, factors)
-    return replace(
-        grid,
-        values=np.broadcast_to(np.zeros((), dtype), fine),
-        spacing=tuple(step / k for step, k in zip(grid.spacing, factors, strict=True)),
-        affine=None if grid.affine is None else refine_affine(grid.affine, factors),
-        missing=None,
-        nodata=None,
-    )
+    outline = grid.on_finer(np.broadcast_to(np.zeros((), dtype), fine), factors)
+    return replace(outline, nodata=None)
 
 
 def _store(job: Job, state: Unfinished, finer: Grid) -> Store:

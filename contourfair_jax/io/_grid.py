@@ -172,12 +172,19 @@ class Grid:
         if values.shape != expected:
             raise InputError(f"values refined by {factor} must be {expected}, got {values.shape}")
         missing = np.isnan(values)
+        return replace(self.on_finer(values, factors), missing=missing if missing.any() else None)
+
+    def on_finer(self, values: np.ndarray, factors: Sequence[int]) -> Grid:
+        """`values` where the samples of a grid lie that is so many times finer along each axis.
+
+        They are not looked at; none is marked as missing.
+        """
         return replace(
             self,
             values=values,
             spacing=tuple(step / k for step, k in zip(self.spacing, factors, strict=True)),
             affine=None if self.affine is None else refine_affine(self.affine, factors),
-            missing=missing if missing.any() else None,
+            missing=None,
         )
 
     def crop(self, ranges: Sequence[tuple[int, int]]) -> Grid:

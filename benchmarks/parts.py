@@ -19,7 +19,7 @@ from benchmarks import clock, report
 from benchmarks.cost import waves
 from benchmarks.report import Result, Track
 from contourfair_jax import _global, _local, _solve
-from contourfair_jax._energy import LocalEnergy, full_matrix
+from contourfair_jax._energy import LocalEnergy
 from contourfair_jax._form import energy_form, structure_form
 from contourfair_jax._least_energy import LinearSystem
 from contourfair_jax._xla import apart
@@ -103,24 +103,21 @@ def _local_parts(shape: tuple[int, ...]) -> Parts:
     def right_side(samples: Array, tensor: dict, energy: LocalEnergy) -> Array:
         return _solve.batched(energy.right_side)(tensor, samples)
 
-    def elimination(entries: Array) -> list:
-        return _solve.eliminate(full_matrix(entries, ndim))
-
     def substitution(right: Array, panels: list) -> Array:
         return _solve.substitute(panels, right)
 
     first, *others = jax.vmap(gradients)(coefficients, every)
     tensor = jax.vmap(normals)(first, others, every)
     rest = {axes: part for axes, part in tensor.items() if axes != (0, 0)}
-    entries = jax.vmap(assembly)(tensor[0, 0], rest, every)
-    panels = jax.vmap(elimination)(entries)
+    matrices = jax.vmap(assembly)(tensor[0, 0], rest, every)
+    panels = jax.vmap(_solve.eliminate)(matrices)
     calls = np.prod([n - 2 for n in shape]) / (cores * batch) * method.iterations
     seconds = {
         "gradients": _each(jax.vmap(gradients), coefficients, every),
         "normals": _each(jax.vmap(normals), first, others, every),
         "assembly": _each(jax.vmap(assembly), tensor[0, 0], rest, every),
         "right side": _each(jax.vmap(right_side), coefficients[:, :given], tensor, every),
-        "elimination": _each(jax.vmap(elimination), entries),
+        "elimination": _each(jax.vmap(_solve.eliminate), matrices),
         "substitution": _each(jax.vmap(substitution), coefficients[:, given:], panels),
     }
     scaled = {name: one * calls for name, one in seconds.items()}

@@ -12,8 +12,7 @@ the coefficients and every integral is a sum over Gauss points q of M_ab(q) time
 
 Tables of those constants depend on the spacing only.  The largest, of products of two functions,
 is kept for half of every axis: the functions are even or odd about the vertex (`_basis`), so a sum
-over all points is a sum over the half with M folded into its even and odd parts (`_fold`), one
-table for each parity block.
+over all points is a sum over the half with M folded into its even and odd parts (`_fold`).
 
 Functions of one vertex take and return vectors, and are written with slices, sums and products with
 constant matrices only: under `jax.vmap` over a trailing axis they stay products of matrices.
@@ -21,23 +20,16 @@ constant matrices only: under `jax.vmap` over a trailing axis they stay products
 last: `jax.vmap` would move the batch first for that, and back.
 """
 
-import itertools
 from functools import cache
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._basis import full_axis, index_set
-from ._tables import (
-    block_pairs,
-    block_sizes,
-    derivatives,
-    function_tables,
-    point_weights,
-    product_tables,
-)
+from ._tables import block_entries, derivatives, function_tables, point_weights, product_tables
 from ._xla import materialise, matmul
 
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.
@@ -51,14 +43,17 @@ Tensor = dict[tuple[int, int], Float[Array, " points"]]
 class LocalEnergy(eqx.Module):
     """Tables of the energy over a vertex neighbourhood [0, 2]^d, for one spacing.
 
-    `spacing` is relative: only its ratios change the minimum.
+    `spacing` is relative: only its ratios change the minimum.  `places` says where the entries of
+    a matrix stand among those that the tables give; it belongs to the tables so that energies of
+    several batches can be stacked, which keeps the batch the first axis of what is gathered.
     """
 
     gradient_tables: list[Float[Array, "points coefficients"]]
     sample_hessians: dict[tuple[int, int], Float[Array, "points samples"]]
     fairing_hessians: dict[tuple[int, int], Float[Array, "points fairing"]]
-    matrix_tables: list[Float[Array, "entries pairs_half"]]
+    matrix_tables: list[Float[Array, "*groups entries pairs_half"]]
     weights: Float[Array, " points"]
+    places: Int[Array, "fairing fairing"]
 
     def __init__(self, spacing: Float[Array, " ndim"], order: int):
         ndim, dtype = spacing.shape[0], spacing.dtype
@@ -74,6 +69,7 @@ class LocalEnergy(eqx.Module):
         self.fairing_hessians = {axes: table[:, given:] for axes, table in hessians.items()}  # pyright: ignore
         self.matrix_tables = product_tables(tables[ndim:, : order**ndim, given:], ndim)
         self.weights = jnp.asarray(point_weights(ndim, order), dtype)
+        self.places = jnp.asarray(_places(ndim))
 
     @property
     def ndim(self) -> int:
@@ -86,31 +82,15 @@ class LocalEnergy(eqx.Module):
         """Gradient at every quadrature point, one vector for each axis."""
         return [matmul(table, coefficients) for table in self.gradient_tables]
 
-    def normal_equations(
-        self, tensor: Tensor, samples: Float[Array, " samples"]
-    ) -> tuple[Float[Array, " entries"], Float[Array, " fairing"]]:
-        """Matrix and right-hand side of the minimum over the fairing coefficients.
-
-        Parameters
-        ----------
-        tensor
-            M_ab at the quadrature points, times their weights.
-        samples
-            Coefficients of the sample functions.
-        """
-        return self.matrix(tensor), self.right_side(tensor, samples)
-
-    def matrix(self, tensor: Tensor) -> Float[Array, " entries"]:
-        """Blocks of the matrix of the normal equations, in the order of `block_pairs`.
-
-        Of one vertex, or of a batch along a last axis.
-        """
-        folded = {axes: _fold(values, self.ndim) for axes, values in tensor.items()}
-        entries = []
-        for block, table in enumerate(self.matrix_tables):
-            own = [parts[block ^ _flips(axes, self.ndim)] for axes, parts in folded.items()]
-            entries.append(matmul(table, materialise(jnp.concatenate(own))))
-        return jnp.concatenate(entries)
+    def matrix(
+        self, tensor: dict[tuple[int, int], Float[Array, "points batch"]]
+    ) -> Float[Array, "fairing fairing batch"]:
+        """The matrices of the normal equations of a batch of vertices."""
+        folded = materialise(_fold(tensor, self.ndim))
+        equal, others = self.matrix_tables
+        rest = matmul(others, folded[1:])
+        entries = jnp.concatenate([matmul(equal, folded[0]), rest.reshape(-1, rest.shape[-1])])
+        return materialise(jnp.take(materialise(entries), self.places, axis=0, mode="clip"))
 
     def right_side(
         self, tensor: Tensor, samples: Float[Array, " samples"]
@@ -197,35 +177,13 @@ def cholesky_factor(tensor: Tensor) -> Tensor:
     return factor
 
 
-def full_matrix(
-    entries: Float[Array, "entries batch"], ndim: int
-) -> Float[Array, "fairing fairing batch"]:
-    """Put the blocks of symmetric matrices together."""
-    return jnp.take(entries, _places(ndim), axis=0, mode="clip")
-
-
 @cache
 def _places(ndim: int) -> np.ndarray:
-    """Where the entries of the whole matrix stand among those of its blocks."""
-    sizes = block_sizes("fairing", ndim)
-    starts = np.cumsum(sizes) - sizes
-    places = np.empty((sizes.sum(),) * 2, np.int32)
-    first = 0
-    for p, q in itertools.chain(*block_pairs(ndim)):
-        block = first + np.arange(sizes[p] * sizes[q]).reshape(sizes[p], sizes[q])
-        rows, columns = starts[p] + np.arange(sizes[p]), starts[q] + np.arange(sizes[q])
-        places[np.ix_(rows, columns)] = block
-        places[np.ix_(columns, rows)] = block.T
-        first += block.size
+    """Where every entry of a matrix stands in the order of `block_entries`."""
+    rows, columns = np.concatenate([e.reshape(2, -1) for e in block_entries(ndim)], axis=1)
+    places = np.empty((rows.max() + 1,) * 2, np.int32)
+    places[rows, columns] = places[columns, rows] = np.arange(len(rows))
     return places
-
-
-def _flips(axes: tuple[int, ...], ndim: int) -> int:
-    """The parities that derivatives along `axes` change, as a block number."""
-    flips = 0
-    for axis in axes:
-        flips ^= 1 << (ndim - 1 - axis)
-    return flips
 
 
 def _entry(tensor: dict, a: int, b: int) -> Array:
@@ -233,13 +191,21 @@ def _entry(tensor: dict, a: int, b: int) -> Array:
     return tensor[min(a, b), max(a, b)]
 
 
-def _fold(values: Float[Array, " points"], ndim: int) -> list[Float[Array, " half"]]:
-    """Sums and differences over the halves of every axis: what meets even and odd functions."""
-    parts = jnp.split(values, 2**ndim)
+def _fold(
+    tensor: dict[tuple[int, int], Float[Array, "points batch"]], ndim: int
+) -> Float[Array, "blocks pairs_half batch"]:
+    """Sums or differences over the halves of every axis, one row for each product of parities.
+
+    A product of two functions is even along an axis, and a sum is what counts, if their parities
+    agree there; one derivative along the axis turns that round.
+    """
+    values = jnp.stack(list(tensor.values()))
+    values = values.reshape(len(tensor), *(2,) * ndim, -1, values.shape[-1])
     for axis in range(ndim):
-        step = 1 << (ndim - 1 - axis)
-        parts = [
-            parts[k ^ step] - parts[k] if k & step else parts[k] + parts[k ^ step]
-            for k in range(2**ndim)
-        ]
-    return parts
+        upper, lower = (jax.lax.index_in_dim(values, half, axis + 1, False) for half in (0, 1))
+        turned = np.array([axes.count(axis) % 2 for axes in tensor])
+        odd = np.arange(2)[:, None] ^ turned
+        sign = jnp.asarray(1 - 2 * odd, values.dtype)
+        sign = jnp.expand_dims(sign, (*range(axis), *range(axis + 2, upper.ndim + 1)))
+        values = jnp.expand_dims(upper, axis) + sign * jnp.expand_dims(lower, axis)
+    return values.reshape(2**ndim, -1, values.shape[-1])

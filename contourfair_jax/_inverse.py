@@ -16,8 +16,9 @@ def invert(square: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
         rest = _replace(k, work, jnp.zeros_like(work), axis=1) - column[:, None] * row[None]
         return _replace(k, rest, row[None], axis=0)
 
-    # A real loop: written out, it takes as long and compiles more slowly.
-    return jax.lax.fori_loop(0, len(square), step, square)
+    # A real loop: written out, it takes as long and compiles more slowly.  Two steps at a time, or
+    # XLA would copy the matrices after every step.
+    return jax.lax.fori_loop(0, len(square), step, square, unroll=2)
 
 
 def _replace(k: Array, old: Array, new: Array, axis: int) -> Array:

@@ -4,6 +4,7 @@ For one vertex: gather the samples -> thin plate -> sample the normals -> assemb
 energy -> solve -> repeat with the new normals -> Bezier points.  Then the patches merge.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -184,9 +185,10 @@ def contour_tensors(
 def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]:
     """Matrix from the sample to the fairing coefficients of least thin plate energy."""
     unit = jnp.eye(len(index_set(energy.ndim, "samples")), dtype=energy.weights.dtype)
-    equations = jax.vmap(energy.normal_equations, in_axes=(None, -1), out_axes=(None, -1))
-    entries, rhs = equations(plain_tensor(energy), unit)
-    return solve_small(energy.ndim, entries, rhs)
+    tensor = plain_tensor(energy)
+    matrix = energy.matrix({axes: values[:, None] for axes, values in tensor.items()})
+    rhs = jax.vmap(partial(energy.right_side, tensor), in_axes=-1, out_axes=-1)(unit)
+    return solve_small(matrix[:, :, 0], rhs)
 
 
 def _batches(energy: LocalEnergy, dtype: jnp.dtype) -> tuple[int, int]:
@@ -194,9 +196,9 @@ def _batches(energy: LocalEnergy, dtype: jnp.dtype) -> tuple[int, int]:
 
     One for every core where what a core needs stays in its cache, or else a large one for all.
     """
-    entries = sum(table.shape[0] for table in energy.matrix_tables)
-    points = sum(table.shape[1] for table in energy.matrix_tables)
-    each, limits = (3 * entries + 3 * points) * dtype.itemsize, working_set()
+    entries = sum(math.prod(table.shape[:-1]) for table in energy.matrix_tables)
+    points = 2**energy.ndim * energy.matrix_tables[0].shape[1]
+    each, limits = (2 * entries + 3 * points) * dtype.itemsize, working_set()
     if LEAST_BATCH * each <= limits.core_bytes:
         return limits.cores, limits.core_bytes // (each * ALIGNED) * ALIGNED
     return 1, max(LEAST_BATCH, limits.batch_bytes // (each * ALIGNED) * ALIGNED)

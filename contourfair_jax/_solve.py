@@ -15,9 +15,9 @@ import lineax
 import optimistix
 from jaxtyping import Array, Float
 
-from ._energy import LocalEnergy, Tensor, cholesky_factor, full_matrix
+from ._energy import LocalEnergy, Tensor, cholesky_factor
 from ._inverse import invert
-from ._xla import apart, kept, materialise, matmul
+from ._xla import apart, kept, matmul
 
 # The elimination takes several rows at a time: traffic of memory against compile time.
 MOST_PANELS = 7
@@ -50,9 +50,7 @@ class AbstractDirectSolver(AbstractSolver):
     """
 
     def __call__(self, energy, tensor, samples):
-        entries = energy.matrix(jax.lax.stop_gradient(tensor))
-        matrix = materialise(full_matrix(materialise(entries), energy.ndim))
-        solve = self.factorise(matrix)
+        solve = self.factorise(energy.matrix(jax.lax.stop_gradient(tensor)))
         return jax.lax.custom_linear_solve(
             lambda fairing: batched(energy.apply)(tensor, fairing),
             batched(energy.right_side)(tensor, samples),
@@ -193,10 +191,9 @@ def batched(function: Callable) -> Callable:
 
 
 def solve_small(
-    ndim: int, entries: Float[Array, " entries"], rhs: Float[Array, "fairing columns"]
+    matrix: Float[Array, "fairing fairing"], rhs: Float[Array, "fairing columns"]
 ) -> Float[Array, "fairing columns"]:
     """Solve one system for many right-hand sides."""
-    matrix = full_matrix(entries[:, None], ndim)[:, :, 0]
 
     def solve(_, columns: Array) -> Array:
         return matmul(invert(matrix[:, :, None])[:, :, 0], columns)

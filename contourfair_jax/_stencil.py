@@ -1,8 +1,8 @@
 """Cutting a grid of samples into overlapping windows, and a window into vertex neighbourhoods."""
 
-import itertools
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -49,11 +49,9 @@ def cut_windows(
 
 def neighbourhoods(window: Float[Array, "*window_2"]) -> Float[Array, "samples vertices"]:
     """The 3^d samples around every inner vertex, first axis slowest, vertices last."""
-    inner = [n - 2 for n in window.shape]
-    shifts = itertools.product(range(3), repeat=window.ndim)
-    return jnp.stack(
-        [
-            window[tuple(slice(s, s + n) for s, n in zip(shift, inner, strict=True))].ravel()
-            for shift in shifts
-        ]
-    )
+    # One axis after the other: 3^d shifts at once would be as many copies, each to be compiled.
+    near = window[None]
+    for axis, n in enumerate(window.shape, start=1):
+        shifts = [jax.lax.slice_in_dim(near, k, k + n - 2, axis=axis) for k in range(3)]
+        near = jnp.stack(shifts, axis=1).reshape(-1, *shifts[0].shape[1:])
+    return near.reshape(len(near), -1)

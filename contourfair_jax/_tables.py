@@ -20,15 +20,26 @@ def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
     return list(itertools.combinations_with_replacement(range(ndim), order))
 
 
-def block_pairs(ndim: int) -> list[list[tuple[int, int]]]:
-    """The blocks (p, q), p <= q, of the fairing matrix: a list for each product of parities."""
-    count = 2**ndim
-    return [[(p, p ^ both) for p in range(count) if p <= p ^ both] for both in range(count)]
+def block_entries(ndim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the entries of the fairing matrix, by the parities that meet.
 
+    The matrix is symmetric: every pair of functions is there once.
 
-def block_sizes(kind: str, ndim: int) -> np.ndarray:
-    """How many of the sample or fairing functions fall into each parity block."""
-    return np.bincount(block_of(index_set(ndim, kind)), minlength=2**ndim)
+    Returns
+    -------
+    equal : array of int, shape (2, n)
+        Pairs of functions that are even or odd in the same axes.
+    others : array of int, shape (2, 2^ndim - 1, m)
+        Pairs that differ in the axes where 1, 2, ... has a binary digit 1; the shorter lists repeat
+        their last pair.
+    """
+    block = block_of(index_set(ndim, "fairing"))
+    rows, columns = np.triu_indices(len(block))
+    differ = block[rows] ^ block[columns]
+    equal, *others = (np.stack([rows, columns])[:, differ == b] for b in range(2**ndim))
+    most = max(pairs.shape[1] for pairs in others)
+    padded = [np.pad(pairs, ((0, 0), (0, most - pairs.shape[1])), "edge") for pairs in others]
+    return equal, np.stack(padded, axis=1)
 
 
 def function_tables(
@@ -54,8 +65,11 @@ def function_tables(
 
 def product_tables(
     hessians: Float[Array, "pairs half n"], ndim: int
-) -> list[Float[Array, "entries pairs_half"]]:
-    """sum_c f_ac f_bc of all pairs of functions at the points of the upper halves, for a <= b."""
+) -> list[Float[Array, "*groups entries pairs_half"]]:
+    """sum_c f_ac f_bc of pairs of functions at the points of the upper halves, for a <= b.
+
+    The pairs are those of `block_entries`.
+    """
     count, half, size = hessians.shape
     pairs = derivatives(2, ndim)
 
@@ -73,14 +87,11 @@ def product_tables(
         terms += [upper[:, None, b] * upper[None, :, a] for a, b in both]
         return sum(terms[1:], start=terms[0]) * jnp.asarray(twice, upper.dtype)[None, None, :, None]
 
-    every = products(jnp.moveaxis(hessians, 2, 0)).reshape(size, size, count * half)
-    ends = np.concatenate([[0], np.cumsum(block_sizes("fairing", ndim))])
-
-    def block(p: int, q: int) -> Float[Array, "entries pairs_half"]:
-        part = every[ends[p] : ends[p + 1], ends[q] : ends[q + 1]]
-        return part.reshape(-1, count * half)
-
-    return [jnp.concatenate([block(p, q) for p, q in group]) for group in block_pairs(ndim)]
+    every = products(jnp.moveaxis(hessians, 2, 0)).reshape(size * size, count * half)
+    return [
+        jnp.take(every, rows * size + columns, axis=0, mode="clip")
+        for rows, columns in block_entries(ndim)
+    ]
 
 
 def point_weights(ndim: int, order: int) -> np.ndarray:

@@ -8,6 +8,7 @@ Cells are worked on in chunks that stay in the cache, each with one product of m
 """
 
 import itertools
+from functools import cache
 
 import equinox as eqx
 import jax
@@ -183,14 +184,10 @@ def energy_form(
 
     `sum_c <f_ac, f_bc> + tension <f_a, f_b> + smoothness sum_ce <f_ace, f_bce>`.
     """
-    ndim = len(shape)
     one = jnp.asarray(1.0, spacing.dtype)
-    weights = ((0, tension), (1, one), (2, smoothness))
-    matrices = []
-    for a, b in derivatives(2, ndim):
-        matrix = _contracted(a, b, spacing, weights)
-        matrices.append(matrix if a == b else matrix + matrix.T)
-    return CellForm(jnp.stack(matrices), shape)
+    symmetric = _products((tension, one, smoothness), spacing)
+    twice = jnp.asarray([1 + (a < b) for a, b in derivatives(2, len(shape))], spacing.dtype)
+    return CellForm(twice[:, None, None] * symmetric, shape)
 
 
 def structure_form(
@@ -199,34 +196,52 @@ def structure_form(
     hessian_weight: Float[Array, ""] | float = 0.0,
 ) -> CellForm:
     """`<f_a, f_b> + hessian_weight sum_c <f_ac, f_bc>` for a <= b: what directs the normals."""
-    ndim = len(shape)
     one = jnp.asarray(1.0, spacing.dtype)
-    matrices = []
-    for a, b in derivatives(2, ndim):
-        matrix = _contracted(a, b, spacing, ((0, one), (1, hessian_weight)))
-        matrices.append((matrix + matrix.T) / 2)
-    return CellForm(jnp.stack(matrices), shape)
+    return CellForm(_products((one, hessian_weight), spacing), shape)
 
 
-def _contracted(
-    a: int, b: int, spacing: Float[Array, " ndim"], weights: tuple[tuple[int, Array | float], ...]
-) -> Float[Array, "fours fours"]:
-    """Products of derivatives along a and b, and of those along further axes, by order."""
-    ndim = len(spacing)
-    return sum(  # pyright: ignore
-        weight * _scaled(gram(_orders((a, *c), ndim), _orders((b, *c), ndim)), spacing, axes)
-        for order, weight in weights
-        for c in itertools.product(range(ndim), repeat=order)
-        for axes in [(a, b, *c, *c)]
-    )
+def _products(
+    weights: tuple[Float[Array, ""] | float, ...], spacing: Float[Array, " ndim"]
+) -> Float[Array, "pairs fours fours"]:
+    """Symmetric parts of the products of derivatives along a <= b and along further axes.
+
+    `weights[k]` is that of all terms with k further axes.
+    """
+    matrices, exponents, orders = _unit_products(len(weights), len(spacing))
+    matrices, exponents = (jnp.asarray(x, spacing.dtype) for x in (matrices, exponents))
+    by_order = jnp.stack([jnp.asarray(weight, spacing.dtype) for weight in weights])
+    scales = by_order[orders][None] / jnp.prod(spacing[None, None] ** exponents, axis=-1)
+    return jnp.einsum("gt,gtij->gij", scales, matrices, precision="highest")
 
 
-def _scaled(matrix: np.ndarray, spacing: Array, axes: tuple[int, ...]) -> Array:
-    """A constant matrix in physical units: over the spacing along `axes`."""
-    scale = jnp.prod(spacing[jnp.array(axes)])
-    return jnp.asarray(matrix, spacing.dtype) / scale
+@cache
+def _unit_products(count: int, ndim: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The terms of `_products`, with fewer than `count` further axes, for a spacing of 1.
 
+    Returns
+    -------
+    matrices : array, shape (pairs, terms, 4^d, 4^d)
+    exponents : array of int, shape (pairs, terms, ndim)
+        The powers of the spacing of every axis that they are divided by.
+    orders : array of int, shape (terms,)
+        How many further axes there are.
+    """
+    further = [
+        axes
+        for order in range(count)
+        for axes in itertools.combinations_with_replacement(range(ndim), order)
+    ]
 
-def _orders(axes: tuple[int, ...], ndim: int) -> tuple[int, ...]:
-    """The orders along each axis of the partial derivative along `axes`."""
-    return tuple(axes.count(axis) for axis in range(ndim))
+    def orders(axes: tuple[int, ...]) -> tuple[int, ...]:
+        """How often a partial derivative is taken along each axis."""
+        return tuple(axes.count(axis) for axis in range(ndim))
+
+    def product(a: int, b: int, c: tuple[int, ...]) -> np.ndarray:
+        matrix = gram(orders((a, *c)), orders((b, *c)))
+        arrangements = len(set(itertools.permutations(c)))
+        return arrangements * (matrix + matrix.T) / 2
+
+    pairs = derivatives(2, ndim)
+    matrices = np.array([[product(a, b, c) for c in further] for a, b in pairs])
+    exponents = np.array([[orders((a, b, *c, *c)) for c in further] for a, b in pairs])
+    return matrices, exponents, np.array([len(c) for c in further])

@@ -143,8 +143,7 @@ def _scale(
 ) -> Float[Array, "w r batch"]:
     """The first rows of the matrix, right of their square, times the inverse of that."""
     w = len(inverse)
-    # The columns of the inverse are, by symmetry, its rows.
-    return _outer(inverse, matrix[:w, w:])
+    return _product(inverse, matrix[:w, w:])
 
 
 @apart
@@ -153,16 +152,19 @@ def _subtract(
 ) -> Float[Array, "r r batch"]:
     """What the first rows leave of the others."""
     w = len(scaled)
-    # The columns below the square are, by symmetry, the rows right of it.
-    return matrix[w:, w:] - _outer(matrix[:w, w:], scaled)
+    return matrix[w:, w:] - _product(matrix[w:, :w], scaled)
 
 
-def _outer(
-    left: Float[Array, "w a batch"], right: Float[Array, "w b batch"]
+def _product(
+    left: Float[Array, "a w batch"], right: Float[Array, "w b batch"]
 ) -> Float[Array, "a b batch"]:
-    """The sum of the products of every row of `left` with that of `right`, written out."""
-    terms = [left[k][:, None] * right[k][None] for k in range(len(left))]
-    return sum(terms[1:], start=terms[0])
+    """Products of matrices, written out as sums of every column times every row."""
+
+    def term(k: int) -> Float[Array, "a b batch"]:
+        column = jax.lax.slice_in_dim(left, k, k + 1, axis=1)
+        return column * jax.lax.slice_in_dim(right, k, k + 1, axis=0)
+
+    return sum((term(k) for k in range(1, len(right))), start=term(0))
 
 
 @apart

@@ -15,7 +15,7 @@ from benchmarks.report import Result, Track
 
 X64 = False
 SHAPES = ((64, 64), (256, 256), (1024, 1024))
-VOLUMES = ((12, 12, 12), (24, 24, 24), (48, 48, 48))
+VOLUMES = ((12, 12, 12), (24, 24, 24), (32, 32, 32))
 QUERIES = 100_000
 
 

@@ -17,7 +17,7 @@ FAIRING, GRADIENT = "fairing", "gradient"
 CASES = (
     (engine.LOCAL, FAIRING, (1024, 1024)),
     (engine.LOCAL, FAIRING, (4096, 4096)),
-    (engine.LOCAL, FAIRING, (64, 64, 64)),
+    (engine.LOCAL, FAIRING, (48, 48, 48)),
     (engine.GLOBAL, FAIRING, (1024, 1024)),
     (engine.GLOBAL, FAIRING, (64, 64, 64)),
     (engine.LOCAL, GRADIENT, (512, 512)),

@@ -72,7 +72,7 @@ def _loop(function: Callable[..., Any], first: Array, others: tuple) -> float:
 
         return jax.lax.fori_loop(0, REPEATS, call, first)
 
-    return clock.median(partial(jax.jit(repeat), first, others), 5)
+    return clock.median(partial(jax.jit(repeat), first, others), 3)
 
 
 def _whole(shape: tuple[int, ...], method: Any) -> tuple[float, cf.BezierField]:

@@ -19,7 +19,7 @@ X64 = False
 SIZES = (64, 128, 256, 512, 1024)
 FACTOR = 4
 # A method that takes longer is not tried on larger grids, whose times follow from the last.
-PATIENCE = 10.0
+PATIENCE = 5.0
 PICTURE = report.RESULTS / "upsampling.png"
 
 OURS = {"local": cf.LocalFairing(), "global": cf.GlobalFairing(tolerance=1e-3)}

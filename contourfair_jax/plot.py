@@ -6,19 +6,20 @@ needed, and nothing of `pyplot`'s state is touched.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ._bilinear import BilinearField as BilinearField
 from ._plot_frame import Frame, frame_of
-from ._plot_levels import LINE, SHADES, band_bar, draw_bands, draw_levels, line_width
+from ._plot_levels import LINE, band_bar, draw_bands, draw_levels, line_width
 from ._plot_levels import level_colors as level_colors
 from ._plot_surface import draw_surface as draw_surface
 from ._plot_surface import surface_figure as surface_figure
+from ._plot_values import Refinable as Refinable
+from ._plot_values import dot_samples, drawing_factor, drawn_values, shade_values
 from .io import ContourLine, Grid, InputError, replacing
 
 if TYPE_CHECKING:
@@ -30,19 +31,6 @@ if TYPE_CHECKING:
 # Samples are dotted where there are at most this many along the longer axis.
 _DOTS = 24
 _LONGEST = 8.0
-
-
-class Refinable(Protocol):
-    """What can be drawn: a `BezierField`, or a `BilinearField`."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Samples per axis."""
-        ...
-
-    def refine(self, factor: int) -> Any:
-        """Values on the grid that is `factor` times finer."""
-        ...
 
 
 def plot_contours(
@@ -98,7 +86,7 @@ def plot_contours(
     if len(field.shape) != 2:
         raise ValueError(f"field must be 2-D to be drawn, got {len(field.shape)}-D")
     frame = Frame(upward=upward) if grid is None else frame_of(grid)
-    values = _drawn_values(field, refine or drawing_factor(field.shape))
+    values = drawn_values(field, refine or drawing_factor(field.shape))
     if ax is None:
         ax = _new_axes(field, frame)
     spacing, origin = _geometry(field)
@@ -112,7 +100,7 @@ def plot_contours(
     if bands is not None:
         draw_bands(ax, bands, frame, ends)
     elif shade:
-        _shade(ax, x, y, values, limits or ends)
+        shade_values(ax, x, y, values, limits or ends)
     frame.set_limits(ax, (y[0], y[-1]), (x[0], x[-1]))
     inside = sorted({float(level) for level in levels if ends[0] < level < ends[1]})
     trace = getattr(field, "contours", None)
@@ -121,7 +109,7 @@ def plot_contours(
     elif trace is not None:
         draw_levels(ax, trace(inside) if lines is None else lines, frame, label)
     if max(field.shape) <= _DOTS:
-        _dots(ax, x, y, field.shape)
+        dot_samples(ax, x, y, field.shape)
     ax.set_title(title)
     return ax
 
@@ -241,11 +229,6 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], dpi: float = 150) 
         figure.savefig(partial, format="png", dpi=dpi, bbox_inches="tight")
 
 
-def drawing_factor(shape: Sequence[int]) -> int:
-    """How much finer than the samples to draw: about 1000 along the longer axis, 4 at least."""
-    return min(max(4, math.ceil(1000 / max(shape))), 32)
-
-
 def _geometry(field: Refinable) -> tuple[list[float], list[float]]:
     spacing = np.broadcast_to(np.asarray(getattr(field, "spacing", 1.0)), (2,))
     origin = np.broadcast_to(np.asarray(getattr(field, "origin", 0.0)), (2,))
@@ -264,45 +247,3 @@ def _new_axes(field: Refinable, frame: Frame) -> Axes:
     width, height = frame.size(*_extent(field), _LONGEST)
     size = (max(width, 2.0), max(height, 2.0) + 0.4)
     return Figure(figsize=size, layout="compressed").add_subplot()
-
-
-def _drawn_values(field: Refinable, factor: int) -> np.ma.MaskedArray:
-    """Values on the finer grid, masked outside the cells that have values throughout.
-
-    A sample between cells that are missing has a value, and so has a side between two such cells:
-    they would be drawn as dots and hairs.
-    """
-    values = np.asarray(field.refine(factor))
-    known = np.isfinite(values)
-    for axis, n in enumerate(field.shape):
-        inner = [known.take(factor * np.arange(n - 1) + k, axis) for k in range(factor + 1)]
-        known = np.logical_and.reduce(inner)
-    for axis, size in enumerate(values.shape):
-        at, last = np.arange(size), known.shape[axis] - 1
-        before, after = np.maximum(at - 1, 0) // factor, np.minimum(at // factor, last)
-        known = known.take(before, axis) | known.take(after, axis)
-    return np.ma.masked_array(values, ~known)
-
-
-def _shade(
-    ax: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, limits: tuple[float, float]
-) -> None:
-    """Values as colours, each pixel centred on its sample."""
-    edge_y, edge_x = (y[1] - y[0]) / 2, (x[1] - x[0]) / 2
-    ax.imshow(
-        values,
-        cmap=SHADES,
-        vmin=limits[0],
-        vmax=limits[1],
-        alpha=0.55,
-        origin="lower",
-        interpolation="nearest",
-        extent=(x[0] - edge_x, x[-1] + edge_x, y[0] - edge_y, y[-1] + edge_y),
-    )
-
-
-def _dots(ax: Axes, x: np.ndarray, y: np.ndarray, shape: Sequence[int]) -> None:
-    """A dot on every sample."""
-    rows, columns = (np.linspace(at[0], at[-1], n) for at, n in zip((y, x), shape, strict=True))
-    dots_x, dots_y = np.meshgrid(columns, rows)
-    ax.plot(dots_x.ravel(), dots_y.ravel(), ".", color=LINE, markersize=2.5, alpha=0.6)

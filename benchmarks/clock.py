@@ -38,7 +38,7 @@ def median(function: Callable[[], Any], repeats: int = 7, budget: float = 20.0) 
 
 
 def ratio(
-    first: Callable[[], Any], second: Callable[[], Any], repeats: int = 3, budget: float = 12.0
+    first: Callable[[], Any], second: Callable[[], Any], repeats: int = 3, budget: float = 8.0
 ) -> float:
     """Median of the seconds of one function over those of another, run in turn.
 

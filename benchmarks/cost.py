@@ -1,4 +1,4 @@
-"""Time against size: compile, build, refine and query apart."""
+"""Time against size: compile, build and query apart."""
 
 import time
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def _methods() -> dict[str, Callable[[], Any]]:
 
 
 def measure(shape: tuple[int, ...], make: Callable[[], Any]) -> Result:
-    """Seconds to compile and build, to build, to refine twice, to query values and gradients."""
+    """Seconds to compile, to build, to query values and gradients."""
     values = jnp.asarray(waves(shape))
     method = make()
     generator = np.random.default_rng(0)
@@ -45,20 +45,18 @@ def measure(shape: tuple[int, ...], make: Callable[[], Any]) -> Result:
     build = jax.jit(lambda v: cf.fair_field(v, method=method)).lower(values).compile()
     compile_s = time.perf_counter() - start
     built = []
-    seconds = clock.median(lambda: built.append(build(values)) or built[-1], 5, budget=10.0)
+    seconds = clock.median(lambda: built.append(build(values)) or built[-1], 5, budget=5.0)
     field = built[-1]
     evaluate = jax.jit(lambda f, p: f(p))
     gradient = jax.jit(lambda f, p: f.gradient(p))
-    refine = jax.jit(lambda f: f.refine(2))
     count = int(np.prod(shape))
     return {
         "shape": list(shape),
         "compile_s": compile_s,
         "build_s": seconds,
         "build_us_per_vertex": 1e6 * seconds / count,
-        "refine2_s": clock.median(lambda: refine(field), repeats=5),
-        "query_us_per_point": 1e6 * clock.median(lambda: evaluate(field, points)) / QUERIES,
-        "gradient_us_per_point": 1e6 * clock.median(lambda: gradient(field, points)) / QUERIES,
+        "query_us_per_point": 1e6 * clock.median(lambda: evaluate(field, points), 5) / QUERIES,
+        "gradient_us_per_point": 1e6 * clock.median(lambda: gradient(field, points), 5) / QUERIES,
     }
 
 

@@ -78,7 +78,7 @@ def _loop(function: Callable[..., Any], first: Array, others: tuple) -> float:
 def _whole(shape: tuple[int, ...], method: Any) -> tuple[float, cf.BezierField]:
     values = waves(shape)
     fit = jax.jit(lambda values: cf.fair_field(values, method=method))
-    return clock.median(partial(fit, values), 3), fit(values)
+    return clock.median(partial(fit, values), 2), fit(values)
 
 
 def _local_parts(shape: tuple[int, ...]) -> Parts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count as counting
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
@@ -33,7 +33,9 @@ from ._run import Settings, check_fairable, check_options, fair, precision
 from ._steps import check_suffix, levels_of, load
 
 if TYPE_CHECKING:
+    from ._changes import Change
     from ._field import BezierField
+    from ._tracing import Progress
     from .io import Grid
 
 Step: TypeAlias = Callable[[], None]
@@ -64,9 +66,6 @@ def metrics(
     over all levels, not only those of the table, and where parts merge or split, in coordinates of
     the file.
     """
-    from ._changes import changes
-    from ._compare import bilinear_field
-
     say = Reporter(quiet, as_json)
     if plot is not None:
         check_suffix(plot, (".png",))
@@ -77,76 +76,92 @@ def metrics(
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing and measuring") as progress:
-        field = fair(grid, method, settings, fill)
-        # Each level of both fields is a step, and of the search for changes.
-        done, steps = counting(1), 3 * len(chosen)
-
-        def moved() -> None:
-            progress(next(done), steps)
-
-        measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
-        plain = "bilinear" if grid.ndim == 2 else "trilinear"
-        fields = {plain: bilinear_field(field), "fair": field}
-        tables = {name: measure(each, chosen, moved) for name, each in fields.items()}
-        whole = {name: _whole(each) for name, each in fields.items()}
-        integrals = _integrals(field)
-        changed = [
-            replace(each, position=tuple(grid.world(np.array(each.position)).tolist()))
-            for each in changes(fields[plain], field, chosen, moved)
-        ]
+        found = _measured(grid, fair(grid, method, settings, fill), chosen, progress)
     if plot is not None:
         from ._plot_metrics import metrics_figure
         from .plot import save_figure
 
         with say.working(f"drawing {plot}"):
-            save_figure(metrics_figure(chosen, header, tables, source.name), plot)
-    units = _integral_units(grid)
+            figure = metrics_figure(chosen, found.header, found.tables, source.name)
+            save_figure(figure, plot)
     if as_json:
-        rows = {
-            name: [dict(zip(header, row, strict=True)) for row in rows]
-            for name, rows in tables.items()
+        say.result(found.facts())
+    else:
+        found.print()
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Rows of every field by level, and figures of the whole fields."""
+
+    levels: Sequence[float]
+    header: tuple[str, ...]
+    tables: dict[str, list[tuple]]
+    whole: dict[str, dict[str, float]]
+    integrals: dict[str, float]
+    units: dict[str, str]
+    changes: list[Change]
+
+    def facts(self) -> dict[str, Any]:
+        """What ``--json`` prints."""
+        table = {
+            name: [dict(zip(self.header, row, strict=True)) for row in rows]
+            for name, rows in self.tables.items()
         }
-        places = [vars(change) for change in changed]
-        say.result(
-            {
-                "levels": chosen,
-                "table": rows,
-                "whole": whole,
-                "integrals": {"units": units, **integrals},
-                "changes": places,
-            }
-        )
-        return
-    _print_table(chosen, header, tables)
-    _print_rest(whole, integrals, units, changed)
+        return {
+            "levels": self.levels,
+            "table": table,
+            "whole": self.whole,
+            "integrals": {"units": self.units, **self.integrals},
+            "changes": [vars(change) for change in self.changes],
+        }
+
+    def print(self) -> None:
+        """The table, the whole fields, and the first places where parts merge or split."""
+        names = "".join(f"{name:>13}" for name in self.header)
+        typer.echo(f"{'level':>12} {'field':<10}{names}")
+        for k, level in enumerate(self.levels):
+            for name, rows in self.tables.items():
+                figures = "".join(f"{x:13.5g}" for x in rows[k])
+                typer.echo(f"{level:12.6g} {name:<10}{figures}")
+        for name, whole in self.whole.items():
+            text = ", ".join(f"{what} {figure:.4g}" for what, figure in whole.items())
+            typer.echo(f"{name}: {text}")
+        text = ", ".join(f"{what} {x:.4g} {self.units[what]}" for what, x in self.integrals.items())
+        typer.echo(f"fair, integrated over all levels, lowest to highest: {text}")
+        for change in self.changes[:_LISTED]:
+            typer.echo(str(change))
+        if len(self.changes) > _LISTED:
+            typer.echo(f"and {len(self.changes) - _LISTED} more places; --json lists all")
 
 
-def _print_table(
-    levels: Sequence[float], header: tuple[str, ...], tables: dict[str, list[tuple]]
-) -> None:
-    typer.echo(f"{'level':>12} {'field':<10}" + "".join(f"{name:>13}" for name in header))
-    for k, level in enumerate(levels):
-        for name, rows in tables.items():
-            figures = "".join(f"{x:13.5g}" for x in rows[k])
-            typer.echo(f"{level:12.6g} {name:<10}{figures}")
+def _measured(
+    grid: Grid, field: BezierField, levels: Sequence[float], progress: Progress
+) -> _Found:
+    from ._changes import changes
+    from ._compare import bilinear_field
 
+    # Each level of both fields is a step, and of the search for changes.
+    done, steps = counting(1), 3 * len(levels)
 
-def _print_rest(
-    whole: dict[str, dict[str, float]],
-    integrals: dict[str, float],
-    units: dict[str, str],
-    changes: list[Any],
-) -> None:
-    """Figures of the whole fields, and the first places where parts merge or split."""
-    for name, figures in whole.items():
-        text = ", ".join(f"{what} {figure:.4g}" for what, figure in figures.items())
-        typer.echo(f"{name}: {text}")
-    text = ", ".join(f"{what} {figure:.4g} {units[what]}" for what, figure in integrals.items())
-    typer.echo(f"fair, integrated over all levels, lowest to highest: {text}")
-    for change in changes[:_LISTED]:
-        typer.echo(str(change))
-    if len(changes) > _LISTED:
-        typer.echo(f"and {len(changes) - _LISTED} more places; --json lists all")
+    def moved() -> None:
+        progress(next(done), steps)
+
+    measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
+    plain = "bilinear" if grid.ndim == 2 else "trilinear"
+    fields = {plain: bilinear_field(field), "fair": field}
+    return _Found(
+        levels=levels,
+        header=header,
+        tables={name: measure(each, levels, moved) for name, each in fields.items()},
+        whole={name: _whole(each) for name, each in fields.items()},
+        integrals=_integrals(field),
+        units=_integral_units(grid),
+        changes=[
+            replace(each, position=tuple(grid.world(np.array(each.position)).tolist()))
+            for each in changes(fields[plain], field, levels, moved)
+        ],
+    )
 
 
 def _lines(field: BezierField, levels: Sequence[float], moved: Step) -> list[tuple]:

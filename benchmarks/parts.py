@@ -26,7 +26,7 @@ from contourfair_jax._xla import apart
 
 LOCAL = ((512, 512), (24, 24, 24))
 GLOBAL = ((1024, 1024), (64, 64, 64))
-REPEATS = 20
+REPEATS = 10
 
 Parts = dict[str, float]
 

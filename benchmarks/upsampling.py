@@ -19,7 +19,7 @@ X64 = False
 SIZES = (64, 128, 256, 512, 1024)
 FACTOR = 4
 # A method that takes longer is not tried on larger grids, whose times follow from the last.
-PATIENCE = 10.0
+PATIENCE = 6.0
 BUDGET = 3.0  # seconds after which a method is not called again
 PICTURE = report.RESULTS / "upsampling.png"
 

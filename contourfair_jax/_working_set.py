@@ -21,7 +21,14 @@ class WorkingSet(NamedTuple):
     core_bytes: int
 
 
-CORES = min(os.cpu_count() or 1, 16)
+def _processors() -> int:
+    """Those that the process may use, where the system can say: XLA starts as many threads."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+CORES = min(_processors(), 16)
 
 # Every step of a program is a vector operation that reads and writes its whole working set.
 CACHED = WorkingSet(2048 * CORES, 12 * 2**20, CORES, 3 * 2**20)

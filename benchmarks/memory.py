@@ -15,7 +15,6 @@ from benchmarks.report import Result, Track
 X64 = False
 FAIRING, GRADIENT = "fairing", "gradient"
 CASES = (
-    (engine.LOCAL, FAIRING, (1024, 1024)),
     (engine.LOCAL, FAIRING, (4096, 4096)),
     (engine.LOCAL, FAIRING, (40, 40, 40)),
     (engine.GLOBAL, FAIRING, (1024, 1024)),

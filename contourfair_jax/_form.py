@@ -185,7 +185,7 @@ def energy_form(
     `sum_c <f_ac, f_bc> + tension <f_a, f_b> + smoothness sum_ce <f_ace, f_bce>`.
     """
     one = jnp.asarray(1.0, spacing.dtype)
-    symmetric = _products((tension, one, smoothness), spacing)
+    symmetric = _derivative_products((tension, one, smoothness), spacing)
     twice = jnp.asarray([1 + (a < b) for a, b in derivatives(2, len(shape))], spacing.dtype)
     return CellForm(twice[:, None, None] * symmetric, shape)
 
@@ -197,10 +197,10 @@ def structure_form(
 ) -> CellForm:
     """`<f_a, f_b> + hessian_weight sum_c <f_ac, f_bc>` for a <= b: what directs the normals."""
     one = jnp.asarray(1.0, spacing.dtype)
-    return CellForm(_products((one, hessian_weight), spacing), shape)
+    return CellForm(_derivative_products((one, hessian_weight), spacing), shape)
 
 
-def _products(
+def _derivative_products(
     weights: tuple[Float[Array, ""] | float, ...], spacing: Float[Array, " ndim"]
 ) -> Float[Array, "pairs fours fours"]:
     """Symmetric parts of the products of derivatives along a <= b and along further axes.
@@ -216,7 +216,7 @@ def _products(
 
 @cache
 def _unit_products(count: int, ndim: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The terms of `_products`, with fewer than `count` further axes, for a spacing of 1.
+    """Terms of `_derivative_products` with fewer than `count` further axes, for a spacing of 1.
 
     Returns
     -------

@@ -38,6 +38,8 @@ FLAT = 1e-6
 # A symmetric tensor at the quadrature points, entries a <= b.  Points are ordered by the half of
 # every axis (upper halves first), then by the point within it.
 Tensor = dict[tuple[int, int], Float[Array, " points"]]
+# The same for many vertices.
+Tensors = dict[tuple[int, int], Float[Array, "points batch"]]
 
 
 class LocalEnergy(eqx.Module):
@@ -82,11 +84,9 @@ class LocalEnergy(eqx.Module):
         """Gradient at every quadrature point, one vector for each axis."""
         return [matmul(table, coefficients) for table in self.gradient_tables]
 
-    def matrix(
-        self, tensor: dict[tuple[int, int], Float[Array, "points batch"]]
-    ) -> Float[Array, "fairing fairing batch"]:
+    def matrix(self, tensors: Tensors) -> Float[Array, "fairing fairing batch"]:
         """The matrices of the normal equations of a batch of vertices."""
-        folded = materialise(_fold(tensor, self.ndim))
+        folded = materialise(_fold(tensors, self.ndim))
         equal, others = self.matrix_tables
         rest = matmul(others, folded[1:])
         entries = jnp.concatenate([matmul(equal, folded[0]), rest.reshape(-1, rest.shape[-1])])
@@ -191,19 +191,17 @@ def _entry(tensor: dict, a: int, b: int) -> Array:
     return tensor[min(a, b), max(a, b)]
 
 
-def _fold(
-    tensor: dict[tuple[int, int], Float[Array, "points batch"]], ndim: int
-) -> Float[Array, "blocks pairs_half batch"]:
+def _fold(tensors: Tensors, ndim: int) -> Float[Array, "blocks pairs_half batch"]:
     """Sums or differences over the halves of every axis, one row for each product of parities.
 
     A product of two functions is even along an axis, and a sum is what counts, if their parities
     agree there; one derivative along the axis turns that round.
     """
-    values = jnp.stack(list(tensor.values()))
-    values = values.reshape(len(tensor), *(2,) * ndim, -1, values.shape[-1])
+    values = jnp.stack(list(tensors.values()))
+    values = values.reshape(len(tensors), *(2,) * ndim, -1, values.shape[-1])
     for axis in range(ndim):
         upper, lower = (jax.lax.index_in_dim(values, half, axis + 1, False) for half in (0, 1))
-        turned = np.array([axes.count(axis) % 2 for axes in tensor])
+        turned = np.array([axes.count(axis) % 2 for axes in tensors])
         odd = np.arange(2)[:, None] ^ turned
         sign = jnp.asarray(1 - 2 * odd, values.dtype)
         sign = jnp.expand_dims(sign, (*range(axis), *range(axis + 2, upper.ndim + 1)))

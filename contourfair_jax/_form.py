@@ -184,8 +184,7 @@ def energy_form(
 
     `sum_c <f_ac, f_bc> + tension <f_a, f_b> + smoothness sum_ce <f_ace, f_bce>`.
     """
-    one = jnp.asarray(1.0, spacing.dtype)
-    symmetric = _derivative_products((tension, one, smoothness), spacing)
+    symmetric = _derivative_products((tension, 1.0, smoothness), spacing)
     twice = jnp.asarray([1 + (a < b) for a, b in derivatives(2, len(shape))], spacing.dtype)
     return CellForm(twice[:, None, None] * symmetric, shape)
 
@@ -196,8 +195,7 @@ def structure_form(
     hessian_weight: Float[Array, ""] | float = 0.0,
 ) -> CellForm:
     """`<f_a, f_b> + hessian_weight sum_c <f_ac, f_bc>` for a <= b: what directs the normals."""
-    one = jnp.asarray(1.0, spacing.dtype)
-    return CellForm(_derivative_products((one, hessian_weight), spacing), shape)
+    return CellForm(_derivative_products((1.0, hessian_weight), spacing), shape)
 
 
 def _derivative_products(
@@ -226,11 +224,7 @@ def _unit_products(count: int, ndim: int) -> tuple[np.ndarray, np.ndarray, np.nd
     orders : array of int, shape (terms,)
         How many further axes there are.
     """
-    further = [
-        axes
-        for order in range(count)
-        for axes in itertools.combinations_with_replacement(range(ndim), order)
-    ]
+    further = [axes for order in range(count) for axes in derivatives(order, ndim)]
 
     def orders(axes: tuple[int, ...]) -> tuple[int, ...]:
         """How often a partial derivative is taken along each axis."""

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from . import _check
 from ._basis import index_set, parity_to_bezier, samples_to_parity
-from ._energy import LocalEnergy, contour_tensor, plain_tensor
+from ._energy import LocalEnergy, Tensors, contour_tensor, plain_tensor
 from ._merge import net_shape, place_window, scatter_patches, set_samples
 from ._method import AbstractFairing
 from ._solve import AbstractSolver, Cholesky, batched, solve_small
@@ -174,7 +174,7 @@ def contour_tensors(
     energy: LocalEnergy,
     gradients: list[Float[Array, "points batch"]],
     thin_plate_weight: float | Float[Array, ""],
-) -> dict[tuple[int, int], Float[Array, "points batch"]]:
+) -> Tensors:
     """`contour_tensor` of many vertices."""
     # Weights for every vertex: `vmap` would move the batch first to meet those of one.
     weights = jnp.broadcast_to(energy.weights[:, None], gradients[0].shape)
@@ -187,7 +187,7 @@ def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]
     unit = jnp.eye(len(index_set(energy.ndim, "samples")), dtype=energy.weights.dtype)
     tensor = plain_tensor(energy)
     matrix = energy.matrix({axes: values[:, None] for axes, values in tensor.items()})
-    rhs = jax.vmap(partial(energy.right_side, tensor), in_axes=-1, out_axes=-1)(unit)
+    rhs = batched(partial(energy.right_side, tensor))(unit)
     return solve_small(matrix[:, :, 0], rhs)
 
 

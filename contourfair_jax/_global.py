@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import _check, _noise
+from . import _check
 from ._continue import LARGEST_DEGREE, LAYERS, continue_samples
 from ._form import CellForm, energy_form, structure_form
 from ._hermite import cells_to_rows, to_net
@@ -30,6 +30,7 @@ from ._limit import limit_slopes
 from ._merge import set_samples
 from ._method import AbstractFairing, FitReport, is_traced
 from ._multilevel import has_wide_holes
+from ._noise import first_springs, noise_of, solve_within_noise
 from ._normals import LARGEST_COHERENCE, normal_weights
 from ._renewals import Info, State, converge, renew
 from ._reweight import Powers, power_weights, weighs_cells
@@ -182,29 +183,33 @@ class GlobalFairing(AbstractFairing):
         scaled, centre, spread = _normalise(values, missing)
         start = jnp.zeros((2**ndim, values.size), values.dtype).at[0].set(scaled.ravel())
         exact = ~missing if self.sigma is None else jnp.zeros_like(missing)
-        free = jnp.ones(start.shape, dtype=bool).at[0].set(~exact.ravel())
+        free = jnp.ones(start.shape, dtype=bool).at[0].set(missing.ravel())
         energy = energy_form(spacing, shape, self.tension, self.smoothness)
         structure = structure_form(spacing, shape, self.hessian_weight)
-        trust = _noise.trust(self.sigma, missing, spread)
-        judged = _noise.inner(trust, shape, layers)
+        unpinned = jnp.zeros(missing.size, values.dtype)
+        noise, springs = None, None
+        if self.sigma is not None:
+            noise = noise_of(self.sigma, missing, spread, layers)
+            springs = first_springs(values.dtype)
 
         @partial(jax.checkpoint, prevent_cse=False, policy=save_solutions)
         def renewal(state: State, powers: Powers) -> tuple[State, Info]:
             weights = self._weights(structure, energy, state.dofs, powers)
-            pins = jnp.broadcast_to(state.stiffness * trust, missing.size)
-            system = LinearSystem(energy, weights, start, free, pins)
-            solution = solve(system, state.dofs, state.size, self._precision())
+            system = LinearSystem(energy, weights, start, free, unpinned)
+            given = state.dofs, state.size, self._precision()
+            if state.springs is None or noise is None:
+                solution, springs = solve(system, *given), None
+            else:
+                solution, springs = solve_within_noise(system, state.springs, noise, *given)
             update = jnp.max(jnp.abs(solution.value - state.dofs))
-            misfit = solution.value[0] - start[0]
-            stiffness = _noise.next_stiffness(state.stiffness, judged, misfit)
             info = Info(update, solution.steps, solution.residual)
-            return State(solution.value, stiffness, solution.size), info
+            return State(solution.value, springs, solution.size), info
 
         powers = Powers(
             jnp.asarray(self.thin_plate_weight, values.dtype),
             jnp.asarray(2 if self.norm is None else self.norm, values.dtype),
         )
-        state = State(start, _noise.first_stiffness(trust), jnp.zeros((), values.dtype))
+        state = State(start, springs, jnp.zeros((), values.dtype))
         if self.converge is None:
             dofs, info = renew(renewal, state, powers, self.iterations)
         else:

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from ._fixed_point import fixed_point
 from ._form import Dofs
+from ._noise import Springs
 from ._reweight import Powers
 
 
@@ -16,8 +17,13 @@ class State(NamedTuple):
     """What goes from one iteration to the next."""
 
     dofs: Dofs
-    stiffness: Float[Array, ""]  # of the springs to noisy samples
+    springs: Springs | None  # to noisy samples
     size: Float[Array, ""]  # of the right-hand side, which residuals are relative to
+
+    @property
+    def fixed(self) -> tuple[Dofs, Array | None]:
+        """What stands still in the end."""
+        return self.dofs, self.springs and self.springs.stiffness
 
 
 class Info(NamedTuple):
@@ -53,11 +59,13 @@ def converge(
     """
     most = iterations + 1
 
-    def step(state: tuple[Array, Array]) -> tuple[Array, Array]:
-        after, _ = renewal(State(*state, size=jnp.zeros_like(start.size)), powers)
-        return after.dofs, after.stiffness
+    def step(state: tuple[Dofs, Array | None]) -> tuple[Dofs, Array | None]:
+        dofs, stiffness = state
+        springs = start.springs and start.springs._replace(stiffness=stiffness)
+        after, _ = renewal(State(dofs, springs, jnp.zeros_like(start.size)), powers)
+        return after.fixed
 
-    def solve() -> tuple[tuple[Array, Array], Info]:
+    def solve() -> tuple[tuple[Dofs, Array | None], Info]:
         begin, frozen = jax.lax.stop_gradient((start, powers))
 
         def unfinished(carry: tuple[State, Info, Array]) -> Array:
@@ -74,8 +82,8 @@ def converge(
         state, infos, _ = jax.lax.while_loop(unfinished, advance, (begin, infos, jnp.asarray(0)))
         # What is not differentiated has to be real all the same.
         infos = jax.tree.map(lambda info: info.astype(state.dofs.dtype), infos)
-        return (state.dofs, state.stiffness), infos
+        return state.fixed, infos
 
-    (dofs, _), infos = fixed_point(step, solve, (start.dofs, start.stiffness), tolerance)
+    (dofs, _), infos = fixed_point(step, solve, start.fixed, tolerance)
     infos = jax.lax.stop_gradient(infos)
     return dofs, infos._replace(steps=infos.steps.astype(jnp.int32))

@@ -1,8 +1,8 @@
 """A naive NumPy twin of the global method: slow, plain, any number of dimensions.
 
-It shares nothing with the package.  Cubic Hermite functions are written out, every integral is a
-loop over cells and Gauss points, the matrix is dense, the solver is ``numpy.linalg.solve``.
-Everything is float64.
+It shares nothing with the package but random signs.  Cubic Hermite functions are written out, every
+integral is a loop over cells and Gauss points, the matrix is dense, the solver is
+``numpy.linalg.solve``.  Everything is float64.
 
 Unknowns are the value and all mixed first derivatives, per cell, at every vertex.  The field
 minimises, over what the samples leave free,
@@ -20,6 +20,7 @@ import itertools
 import math
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 FLAT = 1e-6
@@ -257,6 +258,17 @@ def solve_with_springs(matrix, samples, pins):
     return np.linalg.solve(springs, right)
 
 
+def next_stiffness(stiffnesses, excesses, first, left):
+    """Softer than what the forces of the exact fit ask for, then along a secant of logarithms."""
+    if len(stiffnesses) == 1:
+        return 0.03 * np.sqrt(max(first, FLAT**2))
+    power = 1 / max(1 - left, 1 / 3)
+    if len(stiffnesses) > 2 and abs(np.log(excesses[-1] / excesses[-2])) > 0.1:
+        stiffer = np.log(stiffnesses[-1] / stiffnesses[-2])
+        power = -stiffer / np.log(excesses[-1] / excesses[-2])
+    return stiffnesses[-1] * excesses[-1] ** np.clip(power, 0.7, 3)
+
+
 def fit(values, spacing, settings):
     """Unknowns (vertices, 2^d) in the units of the values."""
     shape, ndim = values.shape, values.ndim
@@ -264,10 +276,13 @@ def fit(values, spacing, settings):
     low, high = np.nanmin(values), np.nanmax(values)
     centre, spread = (low + high) / 2, (high - low) or 1.0
     samples = ((values - centre) / spread).ravel()
+    signs = None
     if settings.sigma is not None:
         relative = np.broadcast_to(np.asarray(settings.sigma, float), shape).ravel() / spread
         trust = np.where(np.isnan(samples), 0, 1 / relative**2)
-        stiffness = first_stiffness = 1 / max(trust.max(), 1)
+        stiffnesses, excesses = [np.inf], []
+        signs = np.asarray(jax.random.rademacher(jax.random.key(0), samples.shape, float))
+        signs = np.where(trust > 0, signs, 0)
 
     unknowns, normals = None, None
     for iteration in range(settings.iterations + 1):
@@ -276,14 +291,21 @@ def fit(values, spacing, settings):
             tensors = smoothed(tensors, settings.coherence, ndim)
             normals = normal_tensors(tensors, settings.sharpness, ndim)
         matrix = energy_matrix(normals, unknowns, shape, spacing, settings)
-        if settings.sigma is None:
-            unknowns = solve_exactly(matrix, samples)
-            continue
-        unknowns = solve_with_springs(matrix, samples, stiffness * trust)
-        deviations = (unknowns[:: 2**ndim] - np.nan_to_num(samples)) ** 2 * trust
-        mean_square = deviations.sum() / (trust > 0).sum()
-        stiffness *= max(mean_square, FLAT**2) ** 0.75
-        stiffness = max(stiffness, 1e-6 * first_stiffness)
+        if settings.sigma is None or not iteration:
+            unknowns, followed = solve_exactly(matrix, samples), signs
+        else:
+            pins = stiffnesses[-1] * trust
+            unknowns = solve_with_springs(matrix, samples, pins)
+            followed = solve_with_springs(matrix, signs, pins)[:: 2**ndim]
+        if settings.sigma is not None:
+            known = trust > 0
+            left = max((signs * (signs - followed))[known].mean(), 1e-3)
+            forces = (matrix @ unknowns)[:: 2**ndim][known]
+            deviations = (unknowns[:: 2**ndim] - np.nan_to_num(samples)) ** 2 * trust
+            excesses.append(max(deviations.sum() / (left * known.sum()), FLAT**2))
+            first = (forces**2).sum() / trust.sum()
+            stiffness = next_stiffness(stiffnesses, excesses, first, left)
+            stiffnesses.append(max(stiffness, 1e-6 / max(trust.max(), 1)))
     unknowns = unknowns.reshape(-1, 2**ndim) * spread
     unknowns[:, 0] += centre
     return unknowns

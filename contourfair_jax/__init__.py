@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from . import metrics as metrics
     from . import plot as plot
     from . import tiles as tiles
+    from ._cross_validation import cross_validation_error as cross_validation_error
     from ._fair import fair_field as fair_field
     from ._field import BezierField as BezierField
     from ._global import GlobalFairing as GlobalFairing
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from ._solve import AbstractSolver as AbstractSolver
     from ._solve import Cholesky as Cholesky
     from ._solve import LeastSquares as LeastSquares
-    from ._tune import cross_validation_error as cross_validation_error
     from ._tune import tune as tune
 
 __version__ = "0.1.0"
@@ -41,7 +41,7 @@ _MODULE_OF = {
     "LU": "_solve",
     "LeastSquares": "_solve",
     "LocalFairing": "_local",
-    "cross_validation_error": "_tune",
+    "cross_validation_error": "_cross_validation",
     "fair_field": "_fair",
     "tune": "_tune",
 }

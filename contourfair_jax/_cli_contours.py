@@ -23,6 +23,7 @@ from ._options import (
     Method,
     Periodic,
     Quiet,
+    Sigma,
     Single,
     Weight,
     examples,
@@ -71,6 +72,7 @@ def contours(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
     fill: Fill = False,
     periodic: Periodic = None,
     key: Key = None,
@@ -92,7 +94,7 @@ def contours(
     check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings(iterations, thin_plate_weight)
+    settings = Settings.parse(iterations, thin_plate_weight, sigma)
     check_options(method, settings, fill)
     check_choice(levels, interval, count)
     with as_input():

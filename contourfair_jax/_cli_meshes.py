@@ -17,6 +17,7 @@ from ._options import (
     Method,
     Periodic,
     Quiet,
+    Sigma,
     Single,
     Weight,
     examples,
@@ -47,6 +48,7 @@ def isosurface(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
     fill: Fill = False,
     periodic: Periodic = None,
     key: Key = None,
@@ -68,7 +70,7 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings(iterations, thin_plate_weight)
+    settings = Settings.parse(iterations, thin_plate_weight, sigma)
     check_options(method, settings, fill)
     with as_input():
         check_tolerance(tolerance)
@@ -119,6 +121,7 @@ def adaptive(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
     fill: Fill = False,
     periodic: Periodic = None,
     key: Key = None,
@@ -140,7 +143,7 @@ def adaptive(
     check_suffix(target, (".vtu",))
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings(iterations, thin_plate_weight)
+    settings = Settings.parse(iterations, thin_plate_weight, sigma)
     check_options(method, settings, fill)
     with as_input():
         check_error(tolerance)

@@ -25,6 +25,7 @@ from ._options import (
     Levels,
     Method,
     Quiet,
+    Sigma,
     Single,
     Weight,
     examples,
@@ -54,6 +55,7 @@ def metrics(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
     fill: Fill = False,
     key: Key = None,
     single: Single = False,
@@ -69,7 +71,7 @@ def metrics(
     say = Reporter(quiet, as_json)
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings(iterations, thin_plate_weight)
+    settings = Settings.parse(iterations, thin_plate_weight, sigma)
     check_options(method, settings, fill)
     check_choice(levels, interval, count)
     grid = load(source, key, plot, say, fill)

@@ -73,11 +73,10 @@ class GlobalFairing(AbstractFairing):
         None, is least squares.  Smaller lets the field bend where it must, at edges and ridges, and
         swings less beside them.
     sigma : float or array, shape (n_1, ..., n_d), or None
-        Standard deviation of the noise of the samples, in their units.  The field then meets the
-        samples within the noise instead of exactly: `mean(((f - a) / sigma)^2)` tends to 1 with
-        the iterations.  After 3 it is mostly 0.6 to 1, which is as good for the field: its own
-        freedom takes up a part of the noise.  For data rounded to multiples of s sigma is
-        `s / sqrt(12)`.
+        Standard deviation of the noise of the samples, in their units.  The field then passes
+        near the samples instead of through them: `sum(((f - a) / sigma)^2)` tends to the number
+        of samples less the degrees of freedom with which the field follows their noise.  For data
+        rounded to multiples of s sigma is `s / sqrt(12)`; `tune(values, noisy=True)` finds it.
     cell_weights : array, shape (n_1 - 1, ..., n_d - 1), or None
         Weight of the energy in every cell, above zero.
     border_degree : int

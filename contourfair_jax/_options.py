@@ -59,6 +59,16 @@ Weight = Annotated[
         "--thin-plate-weight", help="Share of thin plate energy. [dim]\\[default: of the method][/]"
     ),
 ]
+Sigma = Annotated[
+    str | None,
+    typer.Option(
+        "--sigma",
+        metavar="NUMBER|auto",
+        help="Noise of the samples, in their units: the field passes them within it instead of "
+        "through them.  With --method tune, auto finds it.",
+        show_default=False,
+    ),
+]
 Fill = Annotated[
     bool,
     typer.Option("--fill", help="Keep what global fairing puts in the place of missing samples."),

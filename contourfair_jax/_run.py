@@ -25,15 +25,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Settings:
-    """The options that all methods share; None means the method's own default."""
+    """The options for methods; None means the method's own default.
+
+    `noisy` asks for the noise `sigma` that suits the samples best.
+    """
 
     iterations: int | None = None
     thin_plate_weight: float | None = None
+    sigma: float | None = None
+    noisy: bool = False
+
+    @staticmethod
+    def parse(iterations: int | None, weight: float | None, sigma: str | None) -> Settings:
+        """Settings of the command line, where sigma is a number or ``auto``."""
+        if sigma is None or sigma.strip().lower() == "auto":
+            return Settings(iterations, weight, noisy=sigma is not None)
+        try:
+            return Settings(iterations, weight, float(sigma))
+        except ValueError:
+            raise InputError(
+                f"--sigma must be a number, in the units of the samples, or auto, got {sigma!r}"
+            ) from None
 
 
 def _chosen(method: AbstractFairing, settings: Settings) -> AbstractFairing:
     """The method with the settings that were given."""
     given = {name: value for name, value in vars(settings).items() if value is not None}
+    del given["noisy"]
     return replace(method, **given)
 
 
@@ -54,7 +72,8 @@ def _tuned(grid: Grid, settings: Settings) -> AbstractFairing:
 
     from . import tune
 
-    return _chosen(tune(jnp.asarray(grid.values, dtype=float), spacing=grid.spacing), settings)
+    values = jnp.asarray(grid.values, dtype=float)
+    return _chosen(tune(values, spacing=grid.spacing, noisy=settings.noisy), settings)
 
 
 # A method is chosen by its name; it may look at the samples.
@@ -133,6 +152,12 @@ def check_options(method: str, settings: Settings, fill: bool = False) -> None:
     if method not in METHODS:
         raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     check_fill(method, fill)
+    if method == "local" and (settings.noisy or settings.sigma is not None):
+        raise InputError(
+            "--sigma needs --method global or tune; local fairing passes through every sample"
+        )
+    if settings.noisy and method != "tune":
+        raise InputError("--sigma auto needs --method tune; with others give a number")
     if settings == Settings():
         return
     from . import GlobalFairing, LocalFairing

@@ -41,6 +41,7 @@ from ._options import (
     Periodic,
     Quiet,
     Resume,
+    Sigma,
     Single,
     Weight,
     Workers,
@@ -110,6 +111,7 @@ def upsample(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
     fill: Fill = False,
     periodic: Periodic = None,
     key: Key = None,
@@ -130,7 +132,7 @@ def upsample(
     """
     say = Reporter(quiet, as_json)
     finer = Factor.parse(factor)
-    settings = Settings(iterations, thin_plate_weight)
+    settings = Settings.parse(iterations, thin_plate_weight, sigma)
     check_options(method, settings, fill)
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
@@ -171,6 +173,7 @@ def compare(
     method: Method = "local",
     iterations: Iterations = None,
     thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
     fill: Fill = False,
     key: Key = None,
     single: Single = False,
@@ -182,7 +185,7 @@ def compare(
 
     say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
-    settings = Settings(iterations, thin_plate_weight)
+    settings = Settings.parse(iterations, thin_plate_weight, sigma)
     check_options(method, settings, fill)
     check_choice(levels, interval, count)
     whole = load(source, key, target, say, fill)

@@ -191,3 +191,38 @@ assert parts["cubic spline"] > 1.5 * parts["truth"]
 error, other = (np.std(each - rings(fine)) for each in (tuned.refine(FINER), spline))
 print(f"root mean square error: tuned {error:.4f}, spline {other:.4f}")
 assert error < other / 4
+
+# %% [markdown]
+# ## Noise
+#
+# The same waves, on 61 x 61 samples, with noise of a quarter of their standard deviation. Through
+# every sample, the contours are those of the noise. `tune` with `noisy=True` finds from the samples
+# alone how far to trust them; SciPy's smoothing spline is told the noise. A quarter is shown.
+
+# %%
+coarse, fine = (np.linspace(-1.0, 1.0, 60 * k + 1) for k in (1, FINER))
+truth = rings(coarse)
+noise = 0.25 * truth.std()
+noisy = truth + noise * np.random.default_rng(0).normal(size=truth.shape)
+method = cf.tune(noisy, noisy=True)
+smooth = cf.fair_field(noisy, method=method)
+spline = RectBivariateSpline(coarse, coarse, noisy, s=noise**2 * noisy.size)(fine, fine)
+fields = {
+    "fair, through every sample": cf.fair_field(noisy, method=cf.tune(noisy)),
+    "smoothing spline": cf.fair_field(spline, spacing=1 / FINER, method=plate),
+    "fair, tuned with noise": smooth,
+}
+figure = panels(fields, levels)
+for ax in figure.axes:
+    ax.set(xlim=(0, 30), ylim=(30, 0))
+figures.show(figure, "gallery_noise.png", colors=24, crop=True)
+truth = cf.fair_field(rings(fine), spacing=1 / FINER, method=plate)
+found = table({"truth": truth, **fields}, levels)
+assert abs(found["fair, tuned with noise"][1] / found["truth"][1] - 1) < 0.1
+errors = {
+    name: np.std(field.refine(FINER // (field.shape[0] // 60)) - rings(fine))
+    for name, field in fields.items()
+}
+print(f"noise {noise:.3f}, found {float(method.sigma):.3f}; root mean square errors:")
+print({name: round(float(error), 3) for name, error in errors.items()})
+assert errors["fair, tuned with noise"] < 0.6 * errors["smoothing spline"]

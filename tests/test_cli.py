@@ -204,6 +204,25 @@ def test_upsample_takes_the_methods_settings(run, tmp_path):
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), expected)
 
 
+def test_noisy_samples_are_passed_within_their_noise(run, tmp_path):
+    noisy = hill() + 0.02 * np.random.default_rng(0).normal(size=hill().shape)
+    np.save(tmp_path / "in.npy", noisy)
+    options = ("--method", "global", "--sigma", 0.02)
+    assert run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", *options)[0] == 0
+    expected = cf.fair_field(noisy, method=cf.GlobalFairing(sigma=0.02)).refine(4)
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), expected)
+
+
+@pytest.mark.slow
+def test_the_noise_of_samples_is_found(run, tmp_path):
+    noisy = hill() + 0.02 * np.random.default_rng(0).normal(size=hill().shape)
+    np.save(tmp_path / "in.npy", noisy)
+    options = ("-f", 1, "--method", "tune", "--sigma", "auto")
+    assert run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", *options)[0] == 0
+    expected = cf.fair_field(noisy, method=cf.tune(noisy, noisy=True)).samples
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), expected)
+
+
 @pytest.mark.both_precisions
 def test_float64_whatever_the_process_does_and_float32_on_request(run, tmp_path):
     values = hill() + 1e-12
@@ -648,6 +667,17 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
         (("upsample", "in.npy", "-o", "out.npy", "-m", "best"), "method must be one of local"),
         (("upsample", "in.npy", "-o", "out.npy", "--iterations", "-1"), "iterations must be"),
         (("upsample", "in.npy", "-o", "out.npy", "--thin-plate-weight", "2"), "thin_plate_weight"),
+        (("upsample", "in.npy", "-o", "out.npy", "--sigma", "1"), "--sigma needs --method global"),
+        (("upsample", "in.npy", "-o", "o.npy", "-m", "global", "--sigma", "x"), "--sigma must be"),
+        (("upsample", "in.npy", "-o", "o.npy", "-m", "global", "--sigma", "0"), "sigma must hold"),
+        (
+            ("upsample", "in.npy", "-o", "out.npy", "-m", "global", "--sigma", "auto"),
+            "--sigma auto needs --method tune",
+        ),
+        (
+            ("upsample", "in.npy", "-o", "out.zarr", "-m", "global", "--sigma", "1"),
+            "sigma looks at the whole grid",
+        ),
         (("upsample", "in.npy", "-o", "out.npy", "-k", "z"), "there is no 'z' to choose"),
         (("upsample", "in.npy", "-o", "out.npy", "--fill"), "--fill needs --method global"),
         (("upsample", "in.npy", "-o", "out.zarr", "--fill"), "--fill needs --method global"),

@@ -496,21 +496,72 @@ def noisy_field(sigma, size=24):
 
 
 @SLOW
-@pytest.mark.parametrize(("sigma", "gain"), [(0.02, 1.5), (0.05, 2), (0.1, 3)])
+@pytest.mark.parametrize(("sigma", "gain"), [(0.005, 1.5), (0.02, 1.8), (0.05, 2.5), (0.1, 3)])
 def test_noise_is_met_and_removed(sigma, gain):
     truth, values = noisy_field(sigma)
-    method = cf.GlobalFairing(sigma=sigma, iterations=6)
-    samples = np.asarray(cf.fair_field(values, method=method).samples)
-    assert rms(samples - values) / sigma == pytest.approx(1, abs=0.15)
+    samples = np.asarray(cf.fair_field(values, method=cf.GlobalFairing(sigma=sigma)).samples)
+    # Below 1 by the degrees of freedom of the field.
+    assert 0.6 < rms(samples - values) / sigma < 1
     assert rms(samples - truth) < rms(values - truth) / gain
+
+
+@SLOW
+def test_the_true_noise_is_nearly_the_best():
+    truth, values = noisy_field(0.05)
+    errors = {
+        part: rms(cf.fair_field(values, method=cf.GlobalFairing(sigma=0.05 * part)).samples - truth)
+        for part in (0.25, 0.5, 1, 2, 4)
+    }
+    assert errors[1] == min(errors.values())
+
+
+@SLOW
+def test_more_iterations_follow_the_noise_neither_more_nor_less():
+    _, values = noisy_field(0.05)
+    misfits = [
+        rms(cf.fair_field(values, method=cf.GlobalFairing(sigma=0.05, **given)).samples - values)
+        for given in ({}, {"iterations": 12}, {"iterations": 60, "converge": 1e-3})
+    ]
+    assert misfits == pytest.approx([misfits[-1]] * 3, rel=0.08)
+
+
+@SLOW
+def test_little_noise_is_nearly_none():
+    """Also for normals that an over-smooth first fit would lose for good."""
+    values = cases.ANALYTIC["marschner_lobb_slice"].samples()
+    method = cf.GlobalFairing(thin_plate_weight=0.001, sharpness=2, tension=1000.0)
+    exact = cf.fair_field(values, method=method).refine(2)
+    noise = 1e-3 * rms(values - values.mean())
+    near = cf.fair_field(values, method=dataclasses.replace(method, sigma=noise)).refine(2)
+    assert rms(near - exact) < 5 * noise
+
+
+def test_degrees_of_freedom_are_those_of_the_linear_fit():
+    """Springs balance a misfit of `n - tr H` against the trace of H, found column by column."""
+    _, values = noisy_field(0.05, size=9)
+    method = cf.GlobalFairing(thin_plate_weight=1.0, sigma=0.05, iterations=30, tolerance=1e-8)
+
+    def fitted(samples):
+        return cf.fair_field(samples, method=method).samples.ravel()
+
+    misfit = (np.asarray(fitted(values)) - values.ravel()) / 0.05
+    # With the stiffness held: noise that is a thousandth of the samples does not move it.
+    rng, columns = np.random.default_rng(0), []
+    for _ in range(200):
+        signs = rng.choice([-1.0, 1.0], values.shape)
+        columns.append(signs.ravel() @ np.asarray(fitted(values + 1e-5 * signs) - fitted(values)))
+    trace = np.mean(columns) / 1e-5
+    assert misfit @ misfit == pytest.approx(values.size - trace, rel=0.1)
 
 
 @SLOW
 def test_samples_that_are_continued_beyond_the_border_do_not_count_as_noise():
     _, values = noisy_field(0.05)
-    method = cf.GlobalFairing(sigma=0.05, iterations=20, border_degree=4)
-    samples = np.asarray(cf.fair_field(values, method=method).samples)
-    assert rms(samples - values) ** 2 / 0.05**2 == pytest.approx(1, abs=0.05)
+    free, continued = (
+        rms(cf.fair_field(values, method=cf.GlobalFairing(sigma=0.05, **given)).samples - values)
+        for given in ({"iterations": 20}, {"iterations": 20, "border_degree": 4})
+    )
+    assert continued == pytest.approx(free, rel=0.03)
 
 
 @SLOW
@@ -522,8 +573,7 @@ def test_noise_that_varies():
     samples = np.asarray(
         cf.fair_field(values, method=cf.GlobalFairing(sigma=sigma, iterations=6)).samples
     )
-    deviation = (samples - values) / sigma
-    assert rms(deviation) == pytest.approx(1, abs=0.15)
+    assert 0.6 < rms((samples - values) / sigma) < 1
     for half in (slice(12), slice(12, None)):
         assert rms((samples - truth)[half]) < 0.8 * rms((values - truth)[half])
 
@@ -532,7 +582,7 @@ def test_quantised_data():
     truth, _ = noisy_field(0)
     step = 0.1
     values = step * np.round(truth / step)
-    method = cf.GlobalFairing(sigma=step / np.sqrt(12), iterations=6)
+    method = cf.GlobalFairing(sigma=step / np.sqrt(12))
     samples = np.asarray(cf.fair_field(values, method=method).samples)
     assert rms(samples - truth) < rms(values - truth) / 1.5
     assert np.abs(samples - values).max() < 1.5 * step

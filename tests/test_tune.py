@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import contourfair_jax as cf
-from contourfair_jax._tune import CANDIDATES, cross_validation_error
+from contourfair_jax._tune import CANDIDATES
 
 BOTH = pytest.mark.both_precisions
 SLOW = pytest.mark.slow
@@ -114,6 +114,32 @@ def test_sigma_is_passed_on():
     assert cf.tune(RIDGE, sigma=0.01).sigma == 0.01
     with pytest.raises(ValueError, match=r"^sigma must"):
         cf.tune(RIDGE, sigma=-1.0)
+    with pytest.raises(ValueError, match=r"^noisy chooses sigma"):
+        cf.tune(RIDGE, sigma=0.1, noisy=True)
+
+
+@SLOW
+def test_noise_is_found():
+    x = np.linspace(-1, 1, 40)
+    truth = np.tanh(6 * (np.hypot(x[:, None] - 0.1, x + 0.05) - 0.6))
+    noise = np.random.default_rng(6).normal(size=truth.shape)
+    for sigma in (0.02, 0.2):
+        values = truth + sigma * noise
+        method = cf.tune(values, noisy=True)
+        assert float(method.sigma) == pytest.approx(sigma, rel=0.25)
+        error = np.asarray(cf.fair_field(values, method=method).samples) - truth
+        assert np.sqrt(np.mean(error**2)) < 0.7 * np.std(values - truth)
+
+
+@SLOW
+@BOTH
+def test_samples_without_noise_are_met_as_exactly_as_they_are_known(x64):
+    method = cf.tune(RIDGE if x64 else np.float32(RIDGE), noisy=True)
+    assert method.sigma is None or float(method.sigma) < 0.01
+
+
+def test_constant_samples_have_no_noise():
+    assert cf.tune(np.full(RIDGE.shape, 3.7), noisy=True).sigma is None
 
 
 @SLOW
@@ -154,7 +180,7 @@ def test_bad_input(values, spacing, name):
 
 def test_a_method_that_fills_nothing_has_no_cross_validation_error():
     with pytest.raises(ValueError, match="method must be GlobalFairing"):
-        cross_validation_error(cf.LocalFairing(), RIDGE)
+        cf.cross_validation_error(cf.LocalFairing(), RIDGE)
 
 
 # Derivatives -----------------------------------------------------------------------------
@@ -169,7 +195,7 @@ def error(parameters):
         sharpness=2,
         tolerance=1e-12,
     )
-    return cross_validation_error(method, jnp.asarray(RIDGE), jnp.ones(2))
+    return cf.cross_validation_error(method, jnp.asarray(RIDGE), jnp.ones(2))
 
 
 @SLOW
@@ -194,7 +220,7 @@ def test_cross_validation_error_by_hand():
     for dropped in (0, 1):
         field = cf.fair_field(np.where(colour == dropped, np.nan, RIDGE), method=method)
         squares.extend(((np.asarray(field.samples) - RIDGE) ** 2)[colour == dropped])
-    ours = cross_validation_error(method, RIDGE)
+    ours = cf.cross_validation_error(method, RIDGE)
     assert float(ours) == pytest.approx(np.mean(squares), rel=1e-6)
 
 

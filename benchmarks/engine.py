@@ -14,6 +14,7 @@ import contourfair_jax as cf
 from benchmarks.peers import Array, Method, Spacing
 
 LOCAL, GLOBAL, TUNED = "local", "global", "tuned"
+NOISY = "tuned, noisy"
 DEFAULT = "global, defaults"
 SMALL_WEIGHT, CLEAN = "global w .003", "global w .001 c 1.5"
 ROBUST = "global, norm 1"
@@ -28,7 +29,10 @@ def use_x64(enabled: bool) -> None:
 def field(values: Array, spacing: Spacing, name: str) -> "cf.BezierField":
     """Fair ``values`` with the settings that tables call ``name``."""
     samples = jnp.asarray(values)
-    method = cf.tune(samples, spacing=spacing) if name == TUNED else OBJECTS[name]()
+    if name in (TUNED, NOISY):
+        method = cf.tune(samples, spacing=spacing, noisy=name == NOISY)
+    else:
+        method = OBJECTS[name]()
     return cf.fair_field(samples, spacing=spacing, method=method)
 
 
@@ -61,8 +65,10 @@ OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {
 }
 
 METHODS: dict[str, Method] = {name: _method(name) for name in OBJECTS}
-if hasattr(cf, "tune"):
-    METHODS[TUNED] = _method(TUNED)
+METHODS |= {name: _method(name) for name in (TUNED, NOISY)}
 
-MAIN = {name: METHODS[name] for name in (LOCAL, DEFAULT, GLOBAL, ROBUST, TUNED) if name in METHODS}
+MAIN = {name: METHODS[name] for name in (LOCAL, DEFAULT, GLOBAL, ROBUST, TUNED)}
 """The engine's rows in most tables."""
+
+RECONSTRUCT = MAIN | {NOISY: METHODS[NOISY]}
+"""Also that which need not pass through the samples."""

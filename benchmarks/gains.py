@@ -12,12 +12,12 @@ def table() -> str | None:
         return None
     rows: list[list[object]] = []
     for kind, result in (("real, 2-D", plane), ("real, 3-D", volume)):
-        each = [list(real.gains(result, name).values()) for name in engine.MAIN]
+        each = [list(real.gains(result, name).values()) for name in engine.RECONSTRUCT]
         rows.append([kind, len(result["fields"]), *map(_mean_and_worst, each)])
     members = made_up["members"]
-    each = [synthetic.gains(members, name) for name in engine.MAIN]
+    each = [synthetic.gains(members, name) for name in engine.RECONSTRUCT]
     rows.append(["made up", len(members), *map(_mean_and_worst, each)])
-    return report.table(["fields", "number", *[f"{name}, dB" for name in engine.MAIN]], rows)
+    return report.table(["fields", "number", *[f"{name}, dB" for name in engine.RECONSTRUCT]], rows)
 
 
 def _mean_and_worst(values: list[float]) -> str | None:

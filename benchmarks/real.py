@@ -9,14 +9,14 @@ from benchmarks.data import RealField
 from benchmarks.peers import Method
 from benchmarks.report import Result, Track
 
-OURS = tuple(engine.MAIN)
+OURS = tuple(engine.RECONSTRUCT)
 
 
 def _methods(ndim: int) -> dict[str, Method]:
     methods: dict[str, Method] = {**peers.SPLINES, **peers.OTHER_ENDS}
     if ndim == 2 and gmt.version():
         methods["GMT surface T .25"] = gmt.surface_tension
-    methods |= engine.MAIN
+    methods |= engine.RECONSTRUCT
     if ndim == 3:
         methods.pop(engine.LOCAL, None)
     return methods

@@ -120,7 +120,7 @@ def score(member: Member) -> Result:
     left[kept] = False
     coarse = np.ascontiguousarray(member.truth[kept])
     spacing = (1.0,) * member.truth.ndim
-    methods = {**peers.SPLINES, **engine.MAIN}
+    methods = {**peers.SPLINES, **engine.RECONSTRUCT}
     if member.truth.ndim == 3:
         methods.pop(engine.LOCAL)
     psnr = {
@@ -152,9 +152,9 @@ def tables(result: Result) -> dict[str, str]:
     rows: list[list[object]] = []
     for family in [*families, None]:
         inside = [each for each in members if family in (None, each["family"])]
-        gained = [gains(inside, name) for name in engine.MAIN]
+        gained = [gains(inside, name) for name in engine.RECONSTRUCT]
         means = [f"{np.mean(values):+.2f}" if values else "–" for values in gained]
         worst = f"{min(gains(inside, engine.TUNED)):+.2f}"
         rows.append([family or "**all**", len(inside), *means, worst])
-    header = ["family", "fields", *[f"{name}, dB" for name in engine.MAIN], "tuned, worst"]
+    header = ["family", "fields", *[f"{name}, dB" for name in engine.RECONSTRUCT], "tuned, worst"]
     return {"synthetic": report.table(header, rows)}

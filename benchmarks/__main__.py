@@ -30,6 +30,7 @@ from benchmarks import (
     leaves,
     machine,
     memory,
+    noise,
     parts,
     protocols,
     real,
@@ -96,6 +97,7 @@ BENCHMARKS = {
         robustness.run, robustness.tables, True, "Overshoot, NaN, seams, crossing lines."
     ),
     "holes": Benchmark(holes.run, holes.tables, True, "Missing samples filled."),
+    "noise": Benchmark(noise.run, noise.tables, True, "Noisy samples smoothed."),
     "inverse": Benchmark(
         inverse.run,
         inverse.tables,

@@ -60,10 +60,12 @@ class Division:
         return self != Division()
 
 
-def is_tiled(source: Path, target: Path, method: str, division: Division) -> bool:
+def is_tiled(
+    source: Path, target: Path, method: str, settings: Settings, division: Division
+) -> bool:
     """Whether to work in tiles: into Zarr folders, into ``.npy`` if large, or where it is asked.
 
-    Tuning needs all samples in memory, so that it is done in tiles only where it is asked.
+    Tuning and noise need all samples in memory, so that tiles have to be asked for with them.
 
     Raises
     ------
@@ -77,7 +79,8 @@ def is_tiled(source: Path, target: Path, method: str, division: Division) -> boo
         )
     large = source.suffix.lower() in _PARTS and _size(source) > 4 * _LARGE
     large = large or kind == ".zarr"
-    return kind in _PARTS and (division.asked or (large and method != "tune"))
+    whole = method == "tune" or settings.sigma is not None
+    return kind in _PARTS and (division.asked or (large and not whole))
 
 
 def _size(source: Path) -> int:
@@ -181,7 +184,15 @@ def upsample_in_tiles(
     factors = factor.of(grid)
     warn_narrowing(grid, single, say)
     chosen = choose_method(grid, method, settings)
-    tiling = _tiling(chosen, grid, factors)
+    try:
+        tiling = _tiling(chosen, grid, factors)
+    except InputError as error:
+        if method != "tune":
+            raise
+        raise InputError(
+            "--method tune chose settings that need the whole grid at once; leave out --workers, "
+            "--resume and --memory, or take --method global"
+        ) from error
     kind = np.dtype(np.float32 if single else np.float64)
     stored, state = result_dtype(grid, single), Unfinished(target)
     earlier = whole_output(source, state, tiling.fine_shape, stored) if division.resume else None

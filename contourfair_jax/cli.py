@@ -137,7 +137,7 @@ def upsample(
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
-    if is_tiled(source, target, method, tiling) and not bands:
+    if is_tiled(source, target, method, settings, tiling) and not bands:
         if periodic:
             raise InputError(
                 f"{target}: --periodic is for outputs that are written as a whole; from Python, "

@@ -221,6 +221,11 @@ def test_the_noise_of_samples_is_found(run, tmp_path):
     assert run("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.npy", *options)[0] == 0
     expected = cf.fair_field(noisy, method=cf.tune(noisy, noisy=True)).samples
     np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), expected)
+    code, _, err = run(
+        "upsample", tmp_path / "in.npy", "-o", tmp_path / "o.npy", *options[2:4], "--resume"
+    )
+    assert (code, "need the whole grid" in err) == (2, True)
+    assert not (tmp_path / "o.npy").exists()
 
 
 @pytest.mark.both_precisions
@@ -675,7 +680,7 @@ def test_samples_that_cannot_be_faired(run, tmp_path, array, said):
             "--sigma auto needs --method tune",
         ),
         (
-            ("upsample", "in.npy", "-o", "out.zarr", "-m", "global", "--sigma", "1"),
+            ("upsample", "in.npy", "-o", "o.zarr", "-m", "global", "--sigma", "1", "--resume"),
             "sigma looks at the whole grid",
         ),
         (("upsample", "in.npy", "-o", "out.npy", "-k", "z"), "there is no 'z' to choose"),

@@ -36,6 +36,7 @@ def test_far_from_zero_all_is_as_near_it(hill, rng, x64):
         np.testing.assert_allclose(measure(far, [line]), measure(near, [reference]), rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.both_precisions
 def test_samples_are_found_far_from_zero(rng, x64):
     points = rng.uniform(0, 7, (120, 2))

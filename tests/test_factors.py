@@ -53,7 +53,7 @@ def test_a_layer_takes_one_for_each_axis():
     assert hash(layer.factor) == hash((1, 3))
 
 
-@pytest.mark.parametrize("suffix", [".npy", ".zarr"])
+@pytest.mark.parametrize("suffix", [pytest.param(".npy", marks=pytest.mark.slow), ".zarr"])
 def test_tiles_are_those_of_the_whole(tmp_path, suffix):
     values = hill((150, 140))
     whole = np.asarray(cf.fair_field(jnp.asarray(values)).refine((1, 3)))

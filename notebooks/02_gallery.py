@@ -218,7 +218,7 @@ for ax in figure.axes:
 figures.show(figure, "gallery_noise.png", colors=24, crop=True)
 truth = cf.fair_field(rings(fine), spacing=1 / FINER, method=plate)
 found = table({"truth": truth, **fields}, levels)
-assert abs(found["fair, tuned with noise"][1] / found["truth"][1] - 1) < 0.1
+assert found["fair, tuned with noise"][1] < 1.1 * found["truth"][1]
 errors = {
     name: np.std(field.refine(FINER // (field.shape[0] // 60)) - rings(fine))
     for name, field in fields.items()

@@ -75,10 +75,11 @@ def solve(
         return (solution.value, solution.size), (solution.steps, solution.residual)
 
     right = system.right_side()
-    # To be transposed, the size has to be a linear function of all that the right side is.
+    # To be transposed, the size has to be a linear function of all that the system is one of.
+    nothing = 0 * (right[0, 0] + system.weights[0, 0] + system.pins[0])
     (value, size), info = jax.lax.custom_linear_solve(
         apply,
-        (right, size + 0 * right[0, 0]),
+        (right, size + nothing),
         solve_near,
         solve_transposed,
         symmetric=True,

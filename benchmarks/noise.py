@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator
 import jax.numpy as jnp
 import numpy as np
 from scipy import ndimage
-from scipy.interpolate import RBFInterpolator, RectBivariateSpline
+from scipy.interpolate import RectBivariateSpline
 
 import contourfair_jax as cf
-from benchmarks import metrics, peers, report, synthetic
-from benchmarks.peers import Array
+from benchmarks import engine, metrics, peers, report, synthetic
+from benchmarks.peers import Array, Method
 from benchmarks.report import Result, Track
+from benchmarks.synthetic import FACTOR
 
-FACTOR = 4
 # Noise as a part of the standard deviation of the field.
 PARTS = (0.05, 0.2)
 SEED = 7
@@ -32,11 +32,6 @@ WIDTHS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)
 STIFFNESSES = (1e-3, 1e-2, 0.1, 1.0, 10.0)
 
 
-def _spline(noisy: Array, noise: float) -> Iterator[Array]:
-    """Through every sample."""
-    yield peers.cubic(noisy, 1.0, FACTOR)
-
-
 def _smoothing_spline(noisy: Array, noise: float) -> Iterator[Array]:
     """Whose sum of squares is that of the noise."""
     axes = [np.arange(float(n)) for n in noisy.shape]
@@ -53,16 +48,23 @@ def _filtered_spline(noisy: Array, noise: float) -> Iterator[Array]:
 
 
 def _thin_plate(noisy: Array, noise: float) -> Iterator[Array]:
-    """Smoothing thin-plate splines."""
-    points = np.argwhere(np.ones(noisy.shape)).astype(float)
-    finer = np.meshgrid(*peers.refined_axes(noisy.shape, FACTOR), indexing="ij")
-    places = np.stack([each.ravel() for each in finer], axis=-1)
+    """Smoothing thin-plate splines over all samples."""
     for stiffness in STIFFNESSES:
-        spline = RBFInterpolator(points, noisy.ravel(), smoothing=stiffness)
-        yield spline(places).reshape(finer[0].shape)
+        yield peers.thin_plate_rbf(noisy, 1.0, FACTOR, smoothing=stiffness, neighbors=None)
 
 
-def _fair(choose: Callable[[Array, float], cf.AbstractFairing]):
+def _untold(refine: Method):
+    """A method of the other tables, which does not know the noise."""
+
+    def method(noisy: Array, noise: float) -> Iterator[Array]:
+        yield refine(noisy, 1.0, FACTOR)
+
+    return method
+
+
+def _told(choose: Callable[[Array, float], cf.AbstractFairing]):
+    """Ours with settings that are chosen with the noise known."""
+
     def method(noisy: Array, noise: float) -> Iterator[Array]:
         samples = jnp.asarray(noisy)
         yield np.asarray(cf.fair_field(samples, method=choose(noisy, noise)).refine(FACTOR))
@@ -71,14 +73,14 @@ def _fair(choose: Callable[[Array, float], cf.AbstractFairing]):
 
 
 METHODS: dict[str, Callable[[Array, float], Iterator[Array]]] = {
-    "cubic": _spline,
+    "cubic": _untold(peers.cubic),
     "smoothing spline, told": _smoothing_spline,
     "filter and cubic, best": _filtered_spline,
     "thin-plate RBF, best": _thin_plate,
-    "tuned": _fair(lambda noisy, noise: cf.tune(noisy)),
-    "global, told": _fair(lambda noisy, noise: cf.GlobalFairing(sigma=noise)),
-    "tuned, told": _fair(lambda noisy, noise: cf.tune(noisy, sigma=noise)),
-    "tuned, noisy": _fair(lambda noisy, noise: cf.tune(noisy, noisy=True)),
+    engine.TUNED: _untold(engine.METHODS[engine.TUNED]),
+    "global, told": _told(lambda noisy, noise: cf.GlobalFairing(sigma=noise)),
+    "tuned, told": _told(lambda noisy, noise: cf.tune(noisy, sigma=noise)),
+    engine.NOISY: _untold(engine.METHODS[engine.NOISY]),
 }
 
 

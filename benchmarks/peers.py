@@ -101,14 +101,24 @@ def _grid_points(axes: Sequence[Array], spacing: Spacing) -> Array:
     return np.stack([g.ravel() for g in grids], axis=-1)
 
 
-def thin_plate_rbf(values: Array, spacing: Spacing, factor: int) -> Array:
-    """Thin-plate radial basis functions over the 30 nearest samples."""
+def thin_plate_rbf(
+    values: Array,
+    spacing: Spacing,
+    factor: int,
+    smoothing: float = 0.0,
+    neighbors: int | None = 30,
+) -> Array:
+    """Thin-plate radial basis functions over the nearest samples, or all for None."""
     known = _grid_points([np.arange(n, dtype=float) for n in values.shape], spacing)
     axes = refined_axes(values.shape, factor)
     wanted = _grid_points(axes, spacing)
     valid = np.isfinite(values.ravel())
     kernel = RBFInterpolator(
-        known[valid], values.ravel()[valid], neighbors=30, kernel="thin_plate_spline"
+        known[valid],
+        values.ravel()[valid],
+        neighbors=neighbors,
+        smoothing=smoothing,
+        kernel="thin_plate_spline",
     )
     return kernel(wanted).reshape([len(a) for a in axes])
 

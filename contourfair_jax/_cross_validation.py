@@ -115,15 +115,16 @@ def checkerboard(shape: tuple[int, ...]) -> Int[np.ndarray, "*shape"]:
     return np.indices(shape).sum(axis=0) % 2
 
 
-def scattered(known: Bool[Array, "*shape"]) -> list[Bool[Array, "*shape"]]:
+def scattered(known: Bool[Array, "*shape"], many: int) -> list[Bool[Array, "*shape"]]:
     """One in five samples of a plane, seven of a volume, that have none of each other beside.
 
-    All such sets, the largest first.
+    As many such sets as have more than `many` samples together, the largest first.
     """
     count = 2 * known.ndim + 1
     colours = np.tensordot(np.arange(1, known.ndim + 1), np.indices(known.shape), 1) % count
     numbers = np.bincount(colours[np.asarray(known)], minlength=count)
-    return [jnp.asarray(colours == each) for each in np.argsort(-numbers, kind="stable")]
+    largest = np.argsort(-numbers, kind="stable")[: 1 + many // numbers.max()]
+    return [jnp.asarray(colours == each) for each in largest]
 
 
 def _inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:

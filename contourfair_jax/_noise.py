@@ -72,7 +72,7 @@ class Springs(NamedTuple):
 
     stiffness: Float[Array, ""]
     before: Float[Array, ""]  # the stiffness of the fit before, infinite where that was exact
-    square: Float[Array, ""]  # the mean square of misfit over sigma in it
+    square: Float[Array, ""]  # its mean square of misfit over sigma, over that of noise
 
     @property
     def exact(self) -> Bool[Array, ""]:

@@ -123,11 +123,10 @@ def tune(
     # One colour ranks the settings as well as both do, for half the price.
     odd = jnp.asarray(checkerboard(values.shape) == 1)
     half = odd if 4 * int(jnp.sum(known & odd)) >= int(jnp.sum(known)) else ~odd
-    sets = scattered(known)
-    count = int(jnp.sum(known & sets[0]))
-    several = sets[: 1 + MANY // max(count, 1)]
+    several = scattered(known, MANY if noisy else 0)
+    enough = int(jnp.sum(known & several[0])) >= FEWEST
     on_half = functools.cache(lambda candidate: errors_of(candidate, values, steps, [half]))
-    on_few = functools.cache(lambda candidate: errors_of(candidate, values, steps, sets[:1]))
+    on_few = functools.cache(lambda candidate: errors_of(candidate, values, steps, several[:1]))
     on_several = functools.cache(lambda candidate: errors_of(candidate, values, steps, several))
     # Cross-validation does not see wide holes.  Tension is flat over them, and polynomials that
     # continue the samples beyond the border are far off behind them.
@@ -135,7 +134,7 @@ def tune(
     tried = [each for each in CANDIDATES if gapless or each.tension == 0]
     chosen = _least(tried, on_half)
     deciding = on_half
-    if count >= FEWEST and _contradicted(chosen, on_few):
+    if enough and _contradicted(chosen, on_few):
         deciding = on_few
         chosen = _least(tried, on_few)
     elif HANDICAP * on_half(PROBE).inside < on_half(chosen).inside:

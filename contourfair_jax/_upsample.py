@@ -184,15 +184,7 @@ def upsample_in_tiles(
     factors = factor.of(grid)
     warn_narrowing(grid, single, say)
     chosen = choose_method(grid, method, settings)
-    try:
-        tiling = _tiling(chosen, grid, factors)
-    except InputError as error:
-        if method != "tune":
-            raise
-        raise InputError(
-            "--method tune chose settings that need the whole grid at once; leave out --workers, "
-            "--resume and --memory, or take --method global"
-        ) from error
+    tiling = _tiling(chosen, grid, factors, tuned=method == "tune")
     kind = np.dtype(np.float32 if single else np.float64)
     stored, state = result_dtype(grid, single), Unfinished(target)
     earlier = whole_output(source, state, tiling.fine_shape, stored) if division.resume else None
@@ -233,14 +225,20 @@ def upsample_in_tiles(
     return Output(outcome.shape, stored, outcome.missing)
 
 
-def _tiling(method: AbstractFairing, grid: Grid, factors: tuple[int, ...]) -> Tiling:
+def _tiling(method: AbstractFairing, grid: Grid, factors: tuple[int, ...], tuned: bool) -> Tiling:
     """How the grid is cut; what cannot be cut is bad input here."""
     from ._tile_program import tiling_of
 
     try:
         return tiling_of(method, grid.shape, factors)
     except ValueError as error:
-        raise InputError(str(error)) from error
+        message = str(error)
+        if tuned:
+            message = (
+                "--method tune chose settings that need the whole grid at once; leave out "
+                "--workers, --resume and --memory, or take --method global"
+            )
+        raise InputError(message) from error
 
 
 def _opened(

@@ -71,7 +71,7 @@ def tune(
     and compares at the dropped samples.  Returns the setting with the smallest mean square error,
     with a small handicap for smoothness.  Where dropping only one in five samples (in 3-D seven)
     tells that half of them were too few, those decide.  Deterministic; takes less than ten times
-    as long as one fit, with `noisy` some three times as long as without.
+    as long as one fit, with `noisy` some five times as long as without.
 
     Parameters
     ----------

@@ -30,16 +30,9 @@ from ._options import (
     output,
 )
 from ._periodic import closed
-from ._run import (
-    Settings,
-    check_fairable,
-    check_options,
-    fair,
-    periodic_axes,
-    periodic_names,
-    precision,
-)
-from ._steps import as_input, check_suffix, levels_of, load
+from ._recipe import Recipe
+from ._run import check_fairable, precision
+from ._steps import as_input, check_suffix, faired, levels_of, load
 from .io import write_svg
 
 if TYPE_CHECKING:
@@ -94,21 +87,20 @@ def contours(
     check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings.parse(iterations, thin_plate_weight, sigma)
-    check_options(method, settings, fill)
+    recipe = Recipe.parse(
+        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
+    )
     check_choice(levels, interval, count)
     with as_input():
         check_tolerance(tolerance)
-    grid = load(source, key, target, say, fill, periodic_names(periodic))
+    grid = load(source, key, target, recipe, say)
     check_fairable(grid, ndim=(2,))
-    around = periodic_axes(grid, periodic)
     chosen = levels_of(grid, levels, interval, count, say)
+    field = faired(grid, recipe, say)
     with precision(single):
-        with say.working(f"fairing {' x '.join(map(str, grid.shape))} samples"):
-            field = fair(grid, method, settings, fill, around)
         with say.working("tracing contours") as progress:
             found = _traced(field, chosen, tolerance, filled, progress)
-            shown = closed(grid, around)
+            shown = closed(grid, recipe.axes(grid))
             notes = found.notes + _store(target, found, shown)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:

@@ -23,16 +23,9 @@ from ._options import (
     examples,
     output,
 )
-from ._run import (
-    Settings,
-    check_fairable,
-    check_options,
-    fair,
-    periodic_axes,
-    periodic_names,
-    precision,
-)
-from ._steps import as_input, check_suffix, load
+from ._recipe import Recipe
+from ._run import check_fairable, precision
+from ._steps import as_input, check_suffix, faired, load
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
@@ -70,16 +63,14 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings.parse(iterations, thin_plate_weight, sigma)
-    check_options(method, settings, fill)
+    recipe = Recipe.parse(
+        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
+    )
     with as_input():
         check_tolerance(tolerance)
-    grid = load(source, key, target, say, fill, periodic_names(periodic))
+    grid = load(source, key, target, recipe, say)
     check_fairable(grid, ndim=(3,))
-    around = periodic_axes(grid, periodic)
-    size = " x ".join(str(n) for n in grid.shape)
-    with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, settings, fill, around)
+    field = faired(grid, recipe, say)
     with precision(single), say.working("tracing the surface") as move, as_input():
         mesh = trace(field, level, tolerance, move)
     for note in mesh.notes:
@@ -143,16 +134,14 @@ def adaptive(
     check_suffix(target, (".vtu",))
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings.parse(iterations, thin_plate_weight, sigma)
-    check_options(method, settings, fill)
+    recipe = Recipe.parse(
+        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
+    )
     with as_input():
         check_error(tolerance)
-    grid = load(source, key, target, say, fill, periodic_names(periodic))
+    grid = load(source, key, target, recipe, say)
     check_fairable(grid)
-    around = periodic_axes(grid, periodic)
-    size = " x ".join(str(n) for n in grid.shape)
-    with precision(single), say.working(f"fairing {size} samples"):
-        field = fair(grid, method, settings, fill, around)
+    field = faired(grid, recipe, say)
     with precision(single), say.working("refining") as move, as_input():
         found = refine(field, tolerance, move)
     with say.working(f"writing {target}"):

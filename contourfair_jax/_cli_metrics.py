@@ -30,7 +30,8 @@ from ._options import (
     Weight,
     examples,
 )
-from ._run import Settings, check_fairable, check_options, fair, precision
+from ._recipe import Recipe
+from ._run import check_fairable, fair, precision
 from ._steps import check_suffix, levels_of, load
 
 if TYPE_CHECKING:
@@ -71,14 +72,13 @@ def metrics(
     say = Reporter(quiet, as_json)
     if plot is not None:
         check_suffix(plot, (".png",))
-    settings = Settings.parse(iterations, thin_plate_weight, sigma)
-    check_options(method, settings, fill)
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
     check_choice(levels, interval, count)
-    grid = load(source, key, plot, say, fill)
+    grid = load(source, key, plot, recipe, say)
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing and measuring") as progress:
-        found = _measured(grid, fair(grid, method, settings, fill), chosen, progress)
+        found = _measured(grid, fair(grid, recipe), chosen, progress)
     if plot is not None:
         from ._plot_metrics import metrics_figure
         from .plot import save_figure

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ._run import METHODS
+from ._recipe import METHODS
 from .io import FORMATS
 
 # Endings of the files of samples that can be written.

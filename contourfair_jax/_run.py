@@ -6,82 +6,21 @@ The engine, and with it JAX, is imported when something is computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ._factors import describe_factors
-from ._periodic import check_turn, one_turn, with_turns
+from ._periodic import one_turn, with_turns
+from ._recipe import Recipe
 from .io import Grid, InputError, check_memory, exact_float
-from .io._geometry import refined_shape, spacing_of
+from .io._geometry import refined_shape
 
 if TYPE_CHECKING:
     from . import BezierField
-    from ._method import AbstractFairing
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The options for methods; None means the method's own default.
-
-    `noisy` asks for the noise `sigma` that suits the samples best.
-    """
-
-    iterations: int | None = None
-    thin_plate_weight: float | None = None
-    sigma: float | None = None
-    noisy: bool = False
-
-    @staticmethod
-    def parse(iterations: int | None, weight: float | None, sigma: str | None) -> Settings:
-        """Settings of the command line, where sigma is a number or ``auto``."""
-        if sigma is None or sigma.strip().lower() == "auto":
-            return Settings(iterations, weight, noisy=sigma is not None)
-        try:
-            return Settings(iterations, weight, float(sigma))
-        except ValueError:
-            raise InputError(
-                f"--sigma must be a number, in the units of the samples, or auto, got {sigma!r}"
-            ) from None
-
-
-def _chosen(method: AbstractFairing, settings: Settings) -> AbstractFairing:
-    """The method with the settings that were given."""
-    given = {name: value for name, value in vars(settings).items() if value is not None}
-    del given["noisy"]
-    return replace(method, **given)
-
-
-def _local(grid: Grid, settings: Settings) -> AbstractFairing:
-    from . import LocalFairing
-
-    return _chosen(LocalFairing(), settings)
-
-
-def _global(grid: Grid, settings: Settings) -> AbstractFairing:
-    from . import GlobalFairing
-
-    return _chosen(GlobalFairing(), settings)
-
-
-def _tuned(grid: Grid, settings: Settings) -> AbstractFairing:
-    import jax.numpy as jnp
-
-    from . import tune
-
-    values = jnp.asarray(grid.values, dtype=float)
-    return _chosen(tune(values, spacing=grid.spacing, noisy=settings.noisy), settings)
-
-
-# A method is chosen by its name; it may look at the samples.
-METHODS: Mapping[str, Callable[[Grid, Settings], AbstractFairing]] = {
-    "local": _local,
-    "global": _global,
-    "tune": _tuned,
-}
 
 
 def check_axes(grid: Grid, ndim: tuple[int, ...] = (2, 3)) -> None:
@@ -126,98 +65,15 @@ def precision(single: bool) -> Iterator[None]:
         yield
 
 
-def choose_method(grid: Grid, method: str, settings: Settings) -> AbstractFairing:
-    """The method of a name with the settings that were given.
-
-    Raises
-    ------
-    InputError
-        The method is unknown or a setting is out of its range.
-    """
-    check_options(method, settings)
-    try:
-        return METHODS[method](grid, settings)
-    except ValueError as error:
-        raise InputError(str(error)) from error
-
-
-def check_options(method: str, settings: Settings, fill: bool = False) -> None:
-    """Refuse what no samples could be faired with, before any are read.
-
-    Raises
-    ------
-    InputError
-        The method is unknown, a setting is out of its range, or the method fills no gaps.
-    """
-    if method not in METHODS:
-        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    check_fill(method, fill)
-    if method == "local" and (settings.noisy or settings.sigma is not None):
-        raise InputError(
-            "--sigma needs --method global or tune; local fairing passes through every sample"
-        )
-    if settings.noisy and method != "tune":
-        raise InputError("--sigma auto needs --method tune; with others give a number")
-    if settings == Settings():
-        return
-    from . import GlobalFairing, LocalFairing
-
-    try:
-        _chosen(LocalFairing() if method == "local" else GlobalFairing(), settings)
-    except ValueError as error:
-        raise InputError(str(error)) from error
-
-
-def check_fill(method: str, fill: bool) -> None:
-    """Refuse to fill gaps by a method that leaves them."""
-    if fill and method == "local":
-        raise InputError("--fill needs --method global or tune; local fairing leaves gaps")
-
-
-def periodic_names(names: str | None) -> list[str]:
-    """The names of the option ``--periodic``, which are separated by commas."""
-    return [name.strip() for name in names.split(",")] if names else []
-
-
-def periodic_axes(grid: Grid, names: str | None) -> tuple[int, ...]:
-    """The axes of the names, separated by commas, that go all the way round.
-
-    Raises
-    ------
-    InputError
-        The grid has no such axis, or one that is in degrees and covers no full turn.
-    """
-    wanted = periodic_names(names)
-    for name in wanted:
-        if name not in grid.axes:
-            raise InputError(
-                f"--periodic: there is no axis {name!r}; there are {', '.join(grid.axes)}"
-            )
-        axis = grid.axes.index(name)
-        step = grid.spacing[axis] if grid.affine is None else spacing_of(grid.affine)[axis]
-        try:
-            check_turn(name, grid.shape[axis], step, grid.metadata.get(f"{name}:units", ""))
-        except ValueError as error:
-            raise InputError(f"--periodic: {error}") from error
-    return tuple(grid.axes.index(name) for name in dict.fromkeys(wanted))
-
-
-def fair(
-    grid: Grid,
-    method: str,
-    settings: Settings,
-    fill: bool = False,
-    periodic: tuple[int, ...] = (),
-) -> BezierField:
+def fair(grid: Grid, recipe: Recipe) -> BezierField:
     """The fair field of the samples, in field coordinates, in the present `precision`.
 
-    Cells with a missing corner have no values, unless `fill` is set.  Along `periodic` axes the
-    field goes on to the first sample of the next turn.
+    Along periodic axes the field goes on to the first sample of the next turn.
 
     Raises
     ------
     InputError
-        The method is unknown or a setting is out of its range.
+        The samples cannot be faired so.
     """
     import jax
     import jax.numpy as jnp
@@ -225,12 +81,12 @@ def fair(
     from . import fair_field
     from ._gaps import without_gaps
 
-    check_fill(method, fill)
+    around = recipe.axes(grid)
     values, missing = grid.values, grid.missing
-    for axis in periodic:
+    for axis in around:
         values = with_turns(values, axis)
         missing = None if missing is None else with_turns(missing, axis)
-    chosen = choose_method(grid, method, settings)
+    chosen = recipe.choose(grid)
     try:
         field = fair_field(
             jnp.asarray(values, dtype=float),
@@ -240,8 +96,8 @@ def fair(
         )
     except ValueError as error:
         raise InputError(str(error)) from error
-    if missing is not None and not fill:
+    if missing is not None and not recipe.fill:
         field = replace(field, control_points=without_gaps(field.control_points, missing))
-    if periodic:
-        field = one_turn(field, [n if k in periodic else None for k, n in enumerate(grid.shape)])
+    if around:
+        field = one_turn(field, [n if k in around else None for k, n in enumerate(grid.shape)])
     return jax.block_until_ready(field)

@@ -1,8 +1,11 @@
-"""What several commands do: read the input, check the names of files, choose levels."""
+"""What several commands do: read the input, fair it, check the names of files, choose levels."""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,57 +14,51 @@ from ._axis_units import degrees_note
 from ._console import Reporter
 from ._describe import describe_missing, missing_note
 from ._levels import choose_levels
-from ._run import result_dtype
+from ._recipe import Recipe
+from ._run import fair, precision, result_dtype
 from .io import Grid, InputError, read, read_bands
 from .io._atomic import check_parent, check_target
 from .io._geometry import seam_note
+
+if TYPE_CHECKING:
+    from ._field import BezierField
 
 
 def load(
     source: Path,
     key: str | None,
     target: Path | None,
+    recipe: Recipe,
     say: Reporter,
-    fill: bool = False,
-    joined: Sequence[str] | None = None,
 ) -> Grid:
-    """Read the samples and tell what is to be known about them.
-
-    Parameters
-    ----------
-    joined
-        The axes that ``--periodic`` names; None for a command that has no such option.
-    """
-    return _load(lambda: (read(source, key),), source, target, say, fill, joined)[0]
+    """Read the samples and tell what is to be known about them where they are faired so."""
+    return _load(lambda: (read(source, key),), source, target, recipe, say)[0]
 
 
-def load_bands(
-    source: Path,
-    target: Path,
-    say: Reporter,
-    fill: bool = False,
-    joined: Sequence[str] | None = None,
-) -> tuple[Grid, ...]:
+def load_bands(source: Path, target: Path, recipe: Recipe, say: Reporter) -> tuple[Grid, ...]:
     """As `load`, for all bands of a file; what holds for several of them is told once."""
-    return _load(lambda: read_bands(source), source, target, say, fill, joined)
+    return _load(lambda: read_bands(source), source, target, recipe, say)
 
 
 def _load(
     reading: Callable[[], tuple[Grid, ...]],
     source: Path,
     target: Path | None,
+    recipe: Recipe,
     say: Reporter,
-    fill: bool,
-    joined: Sequence[str] | None,
 ) -> tuple[Grid, ...]:
     if target is not None:
         check_parent(target)
         check_apart(source, target)
     with say.working(f"reading {source}"):
         grids = reading()
-    notes = [note for grid in grids for note in _of_grid(grid, joined) + degrees_note(grid)]
+    notes = [
+        note for grid in grids for note in _of_grid(grid, recipe.periodic) + degrees_note(grid)
+    ]
     notes += [
-        missing_note(describe_missing(grid), fill) for grid in grids if grid.missing is not None
+        missing_note(describe_missing(grid), recipe.fill)
+        for grid in grids
+        if grid.missing is not None
     ]
     for note in dict.fromkeys(notes):
         say.note(note)
@@ -78,6 +75,13 @@ def _of_grid(grid: Grid, joined: Sequence[str] | None) -> tuple[str, ...]:
         for note in grid.notes
         if seams.get(note) not in joined
     )
+
+
+def faired(grid: Grid, recipe: Recipe, say: Reporter) -> BezierField:
+    """The fair field of the samples, in the precision that is asked for."""
+    size = " x ".join(str(n) for n in grid.shape)
+    with precision(recipe.single), say.working(f"fairing {size} samples"):
+        return fair(grid, recipe)
 
 
 def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:

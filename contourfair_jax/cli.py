@@ -48,9 +48,11 @@ from ._options import (
     examples,
     output,
 )
-from ._run import Settings, check_fairable, check_options, fair, precision
+from ._recipe import Recipe, Settings
+from ._run import check_fairable, fair, precision
 from ._steps import check_suffix, levels_of, load
-from ._upsample import Division, is_tiled, upsample_in_tiles, upsample_whole
+from ._upsample import upsample_whole
+from ._upsample_tiles import Division, is_tiled, upsample_in_tiles
 from ._window import choose_window
 from .io import InputError, read
 
@@ -132,24 +134,16 @@ def upsample(
     """
     say = Reporter(quiet, as_json)
     finer = Factor.parse(factor)
-    settings = Settings.parse(iterations, thin_plate_weight, sigma)
-    check_options(method, settings, fill)
+    recipe = Recipe.parse(
+        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
+    )
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
-    if is_tiled(source, target, method, settings, tiling) and not bands:
-        if periodic:
-            raise InputError(
-                f"{target}: --periodic is for outputs that are written as a whole; from Python, "
-                "xarray's .fair.upsample does it for Zarr"
-            )
-        made = upsample_in_tiles(
-            source, target, finer, method, settings, key, single, tiling, fill, say
-        )
+    if is_tiled(source, target, recipe, tiling) and not bands:
+        made = upsample_in_tiles(source, target, key, finer, recipe, tiling, say)
     else:
-        made = upsample_whole(
-            source, target, finer, method, settings, key, single, fill, say, bands, periodic
-        )
+        made = upsample_whole(source, target, key, finer, recipe, say, bands)
     say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
 
 
@@ -185,10 +179,9 @@ def compare(
 
     say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
-    settings = Settings.parse(iterations, thin_plate_weight, sigma)
-    check_options(method, settings, fill)
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
     check_choice(levels, interval, count)
-    whole = load(source, key, target, say, fill)
+    whole = load(source, key, target, recipe, say)
     check_fairable(whole, ndim=(2,))
     ranges, note = choose_window(whole, crop)
     if note:
@@ -199,8 +192,8 @@ def compare(
     check_fairable(grid, ndim=(2,))
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing the samples and drawing"):
-        plain = fair(grid, "local", Settings(iterations=0))
-        faired = fair(grid, method, settings, fill)
+        plain = fair(grid, Recipe("local", Settings(iterations=0)))
+        faired = fair(grid, recipe)
         panels = {
             "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),
             "thin plate": plain,

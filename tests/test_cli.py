@@ -18,9 +18,10 @@ from PIL import Image
 from rasterio.transform import Affine
 
 import contourfair_jax as cf
-from contourfair_jax import _run, cli, plot
+from contourfair_jax import cli, plot
 from contourfair_jax._console import Reporter
 from contourfair_jax._levels import choose_levels, even_levels, interval_levels, listed_levels
+from contourfair_jax._recipe import METHODS
 from contourfair_jax._window import busiest_window
 from contourfair_jax.io import FORMATS, Grid, InputError, read, read_bands, write, write_bands
 from contourfair_jax.isosurface import Isosurface
@@ -924,7 +925,7 @@ def test_without_arguments_the_help_is_shown(run):
 
 def test_every_method_of_the_table_is_in_the_help(run):
     out = run("upsample", "--help")[1]
-    for name in _run.METHODS:
+    for name in METHODS:
         assert name in out
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import jax.numpy as jnp
 from jax.core import Tracer
@@ -19,6 +20,8 @@ from ._cross_validation import (
     scattered,
 )
 from ._global import GlobalFairing
+
+Judge: TypeAlias = Callable[[Candidate], Errors]
 
 # Thin plate (weight 1) is for quantised samples, its tension for noise; smoothness is for what is
 # analytic; small weights are for ridges, with normals from second derivatives for terrain, with
@@ -38,12 +41,22 @@ CANDIDATES = (
     Candidate(0.001, 2, 1000.0, 0.0, 2.0),
 )
 
+# For rings, stripes and other waves along whose contours little happens.  The first is for volumes
+# too, and takes over where half the samples hardly tell it from the best, at most by this factor,
+# and few dropped ones say so.
+STRIPES = (Candidate(0.01, 2, 0.0, 0.1, 1.0), Candidate(0.003, 2, 0.0, 0.3, 1.0))
+TIE = 1.05
+
 # For what is really smooth, recognised by `PROBE`: over the wide gaps of cross-validation, and
 # halfway between samples where it looks, more smoothness pays than between all samples, so that its
-# error has to be this much smaller than others.
+# error has to be this much smaller than others; stripes are smooth there as well.
 SMOOTH = Candidate(1.0, 1, 0.0, 0.015, 2.0, border_degree=4)
 PROBE = SMOOTH._replace(smoothness=0.2, border_degree=0)
 HANDICAP = 1.25
+
+# What is smooth over the wide gaps of cross-validation need not be over the gaps between all
+# samples: smoothness s has to lower the error by more than this times s of it.
+SCEPTICISM = 0.6
 
 # Waves that the samples just resolve look like noise on a checkerboard of them.  Where one of these
 # candidates is this much better when only a few samples are dropped, at least so many, the
@@ -131,34 +144,42 @@ def tune(
     # Cross-validation does not see wide holes.  Tension is flat over them, and polynomials that
     # continue the samples beyond the border are far off behind them.
     gapless = bool(known.all())
-    tried = [each for each in CANDIDATES if gapless or each.tension == 0]
-    chosen = _least(tried, on_half)
-    deciding = on_half
-    if enough and _contradicted(chosen, on_few):
-        deciding = on_few
-        chosen = _least(tried, on_few)
-    elif HANDICAP * on_half(PROBE).inside < on_half(chosen).inside:
-        chosen = SMOOTH if gapless else SMOOTH._replace(border_degree=0)
+    tried = [each for each in (*CANDIDATES, *STRIPES) if gapless or each.tension == 0]
+    chosen, deciding = _exact(tried, on_half, on_few if enough else None)
+    if not gapless:
+        chosen = chosen._replace(border_degree=0)
     if noisy:
         chosen = _with_noise(chosen, tried, deciding, on_several)
     settings = chosen._asdict() | {"sigma": chosen.sigma or sigma}
     return dataclasses.replace(GlobalFairing(coherence=COHERENCE), **settings)
 
 
-def _least(tried: Sequence[Candidate], errors: Callable[[Candidate], Errors]) -> Candidate:
-    """The best candidate.
+def _exact(
+    tried: Sequence[Candidate], on_half: Judge, on_few: Judge | None
+) -> tuple[Candidate, Judge]:
+    """The best setting that meets all samples, and the errors that decided."""
+    chosen = _least([each for each in tried if each not in STRIPES], on_half)
+    if on_few is not None and _contradicted(chosen, on_few):
+        return _least(tried, on_few), on_few
+    if HANDICAP * on_half(PROBE).inside < on_half(chosen).inside:
+        return SMOOTH, on_half
+    chosen, stripes = _least(tried, on_half), STRIPES[0]
+    tied = on_half(stripes).everywhere < TIE * on_half(chosen).everywhere
+    if on_few is not None and tied:
+        chosen = _least([chosen, stripes], on_few)
+    return chosen, on_half
 
-    What is smooth over the wide gaps of cross-validation need not be over the gaps between all
-    samples: smoothness s has to lower the error by more than s of it.
-    """
-    return min(tried, key=lambda each: errors(each).everywhere * (1 + each.smoothness))
+
+def _least(tried: Sequence[Candidate], errors: Judge) -> Candidate:
+    """The best candidate, with the handicap for smoothness."""
+    return min(tried, key=lambda each: errors(each).everywhere * (1 + SCEPTICISM * each.smoothness))
 
 
 def _with_noise(
     chosen: Candidate,
     tried: Sequence[Candidate],
-    errors: Callable[[Candidate], Errors],
-    on_several: Callable[[Candidate], Errors],
+    errors: Judge,
+    on_several: Judge,
 ) -> Candidate:
     """Noise for what was chosen, the best candidate with it, and noise for that."""
     noisy = _noisy(chosen, on_several)
@@ -168,14 +189,14 @@ def _with_noise(
     return noisy if again == noisy else _noisy(again, on_several)
 
 
-def _noisy(candidate: Candidate, errors: Callable[[Candidate], Errors]) -> Candidate:
+def _noisy(candidate: Candidate, errors: Judge) -> Candidate:
     """The candidate with the noise that leaves the smallest errors, 0 for an exact fit."""
     exact = candidate._replace(sigma=0.0)
     error = errors(exact).everywhere ** 0.5
     return _least([exact, *(exact._replace(sigma=part * error) for part in NOISES)], errors)
 
 
-def _contradicted(chosen: Candidate, errors: Callable[[Candidate], Errors]) -> bool:
+def _contradicted(chosen: Candidate, errors: Judge) -> bool:
     """Whether a witness has far smaller errors."""
     least = min(errors(each).everywhere for each in WITNESSES)
     return errors(chosen).everywhere > FOOLED * least

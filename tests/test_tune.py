@@ -87,6 +87,20 @@ def test_waves_that_the_samples_just_resolve():
     assert ours < theirs / 5
 
 
+@SLOW
+def test_rings():
+    """Along contours of one length scale smoothness pays, as small thin plate weights do."""
+    x = np.linspace(-1, 1, 129)
+    rings = np.cos(16 * np.pi / 3.5 * np.hypot(x[:, None] - 0.2, x + 0.1))
+    samples = rings[::4, ::4]
+    methods = cf.tune(samples), cf.GlobalFairing(), cf.GlobalFairing(thin_plate_weight=1.0)
+    ours, default, plate = (
+        np.std(cf.fair_field(samples, method=each).refine(4) - rings) for each in methods
+    )
+    assert ours < default / 2
+    assert ours < plate / 4
+
+
 def test_tension_for_noise():
     """Between samples that know nothing of each other, the flattest field is the best guess."""
     weight, _, tension, *_ = settings(tuned("noise"))

@@ -1,27 +1,19 @@
-"""The option ``--factor``: one for all axes, one for each, or some by the names of the axes."""
+"""The option ``--factor``."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ._per_axis import PerAxis
 from .io import Grid, InputError
 
 
 @dataclass(frozen=True)
 class Factor:
-    """How many times finer.
+    """How many times finer."""
 
-    Parameters
-    ----------
-    numbers
-        One for all axes, or several.
-    names
-        The axes that they are for; without, the numbers are for all axes in order.
-    """
-
-    numbers: tuple[int, ...]
-    names: tuple[str, ...] = ()
+    given: PerAxis[int]
 
     @classmethod
     def parse(cls, text: str) -> Factor:
@@ -32,17 +24,14 @@ class Factor:
         InputError
             The text is none of these, or a number is below 1.
         """
-        parts = [part.strip() for part in text.split(",")]
-        names, numbers = zip(*(part.rpartition("=")[::2] for part in parts), strict=True)
-        whole = all(number.strip().isdecimal() for number in numbers)
-        if not whole or 0 < sum(map(bool, names)) < len(names):
-            raise InputError(
-                "--factor must be a whole number such as 4, one for each axis such as 1,1,4, or "
-                f"given by names such as z=4, got {text}"
-            )
-        if min(map(int, numbers)) < 1:
+        wanted = (
+            "a whole number such as 4, one for each axis such as 1,1,4, or given by names such as "
+            "z=4"
+        )
+        given = PerAxis.parse("--factor", text, _whole, wanted)
+        if min(given.numbers) < 1:
             raise InputError(f"--factor must be 1 or more, got {text}")
-        return cls(tuple(map(int, numbers)), tuple(name.strip() for name in names if name))
+        return cls(given)
 
     def of(self, grid: Grid) -> tuple[int, ...]:
         """The factor of every axis of a grid; of one that is not named, 1.
@@ -52,19 +41,13 @@ class Factor:
         InputError
             The grid has another number of axes, or none of that name.
         """
-        axes = ", ".join(grid.axes)
-        if not self.names:
-            if len(self.numbers) not in (1, grid.ndim):
-                raise InputError(
-                    f"--factor must be one number or {grid.ndim}, for the axes {axes}, got "
-                    f"{','.join(map(str, self.numbers))}"
-                )
-            return self.numbers * (grid.ndim if len(self.numbers) == 1 else 1)
-        unknown = [name for name in self.names if name not in grid.axes]
-        if unknown:
-            raise InputError(f"--factor: there is no axis {unknown[0]!r}; there are {axes}")
-        given = dict(zip(self.names, self.numbers, strict=True))
-        return tuple(given.get(name, 1) for name in grid.axes)
+        return self.given.of(grid, (1,) * grid.ndim)
+
+
+def _whole(text: str) -> int:
+    if not text.isdecimal():
+        raise ValueError(text)
+    return int(text)
 
 
 def describe_factors(factors: Sequence[int]) -> str:

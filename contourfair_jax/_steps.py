@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,9 @@ from .io._geometry import seam_note
 
 if TYPE_CHECKING:
     from ._field import BezierField
+
+# Where samples of a field lie between those of whole numbers.
+_BETWEEN = 0.25
 
 
 def load(
@@ -82,6 +86,12 @@ def faired(grid: Grid, recipe: Recipe, say: Reporter) -> BezierField:
     size = " x ".join(str(n) for n in grid.shape)
     with precision(recipe.single), say.working(f"fairing {size} samples"):
         return fair(grid, recipe)
+
+
+def as_between(grid: Grid, dtype: np.dtype, between: bool = True) -> Grid:
+    """The samples as those of a fair field are: of its type, and between whole numbers."""
+    values = grid.values.astype(dtype)
+    return replace(grid, values=values + dtype.type(_BETWEEN) if between else values)
 
 
 def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +11,8 @@ from ._describe import Output
 from ._factors import Factor
 from ._recipe import Recipe
 from ._run import check_fairable, fair, precision, result_dtype
-from ._steps import load, load_bands, warn_narrowing
+from ._steps import as_between, load, load_bands, warn_narrowing
 from .io import Grid, check_writable, write_bands
-
-# Where refined samples lie between those of whole numbers.
-_BETWEEN = 0.25
 
 
 def upsample_whole(
@@ -43,7 +39,7 @@ def upsample_whole(
     for grid in grids:
         check_fairable(grid, factors)
     dtype = np.result_type(*(result_dtype(grid, recipe.single) for grid in grids))
-    check_writable(target, *(_like_refined(each, factors, dtype) for each in grids))
+    check_writable(target, *(as_between(each, dtype, max(factors) > 1) for each in grids))
     warn_narrowing(grids[0], recipe.single, say)
     around = recipe.axes(grids[0])
     shape, count = grids[0].shape, len(grids)
@@ -63,11 +59,3 @@ def upsample_whole(
     for note in notes:
         say.note(note)
     return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
-
-
-def _like_refined(grid: Grid, factors: tuple[int, ...], dtype: np.dtype) -> Grid:
-    """The samples as their refinement is: of its type, and between whole numbers."""
-    values = grid.values.astype(dtype)
-    if max(factors) > 1:
-        values = values + dtype.type(_BETWEEN)
-    return replace(grid, values=values)

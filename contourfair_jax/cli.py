@@ -19,6 +19,7 @@ import typer
 from ._cli_contours import COMMANDS as CONTOURS
 from ._cli_meshes import COMMANDS as MESHES
 from ._cli_metrics import COMMANDS as METRICS
+from ._cli_resample import COMMANDS as RESAMPLING
 from ._console import Reporter
 from ._describe import facts, information
 from ._factors import Factor
@@ -147,7 +148,7 @@ def upsample(
     say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
 
 
-for _command, _examples in CONTOURS.items():
+for _command, _examples in {**RESAMPLING, **CONTOURS}.items():
     app.command(epilog=_examples)(_command)
 
 

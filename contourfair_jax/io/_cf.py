@@ -56,6 +56,21 @@ def _unit(projected: str) -> str:
     return name.replace(" ", "_")
 
 
+def same_system(one: str, other: str) -> bool:
+    """Whether two texts name one coordinate reference system, as far as can be told here."""
+    if _wkt(one) == _wkt(other):
+        return True
+    with suppress(Exception):
+        from rasterio.crs import CRS
+
+        return CRS.from_user_input(one) == CRS.from_user_input(other)
+    with suppress(Exception):
+        from pyproj import CRS
+
+        return CRS.from_user_input(one).equals(CRS.from_user_input(other))
+    return False
+
+
 def _wkt(crs: str) -> str:
     """The system as WKT; a code as it is where no library is there to look it up."""
     if "[" in crs or "(" in crs:

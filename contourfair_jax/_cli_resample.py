@@ -1,0 +1,129 @@
+"""The command ``resample``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from ._console import Reporter
+from ._describe import Output, describe_count
+from ._options import (
+    WRITABLE,
+    Fill,
+    Input,
+    Iterations,
+    Json,
+    Key,
+    Method,
+    Periodic,
+    Quiet,
+    Sigma,
+    Single,
+    Weight,
+    examples,
+    output,
+)
+from ._recipe import Recipe
+from ._resample import alike, coarsening, parse_spacing, resampled, spaced, steps_of
+from ._run import check_fairable, result_dtype
+from ._steps import as_between, faired, load, warn_narrowing
+from .io import Grid, InputError, check_memory, check_writable, read, write
+
+# Samples that are farther apart than this many of the input leave some out.
+_COARSE = 1.5
+
+
+def resample(
+    source: Input,
+    target: Annotated[Path, output(f"File for the samples: {WRITABLE}.")],
+    like: Annotated[
+        Path | None,
+        typer.Option("--like", help="File whose samples lie where those of OUT are to lie."),
+    ] = None,
+    like_key: Annotated[
+        str | None, typer.Option(help="Which array of that file; as --key.")
+    ] = None,
+    spacing: Annotated[
+        str | None,
+        typer.Option(
+            "--spacing",
+            help="Distance between samples, in the coordinates of the file; 2,1,1 for every axis "
+            "in order, z=1 for one by its name.",
+        ),
+    ] = None,
+    method: Method = "local",
+    iterations: Iterations = None,
+    thin_plate_weight: Weight = None,
+    sigma: Sigma = None,
+    fill: Fill = False,
+    periodic: Periodic = None,
+    key: Key = None,
+    single: Single = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Take samples of the fair field on the grid of another file, or with another spacing.
+
+    With [bold]--spacing[/] the first sample stays where it is.  Samples that lie outside those of
+    the file are missing.  A coarser grid gets values of the field at its samples, not means.
+    """
+    say = Reporter(quiet, as_json)
+    recipe = Recipe.parse(
+        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
+    )
+    if (like is None) == (spacing is None):
+        raise InputError("give either --like or --spacing, to say where samples are to lie")
+    steps = None if spacing is None else parse_spacing(spacing)
+    grid = load(source, key, target, recipe, say)
+    check_fairable(grid)
+    if steps is not None:
+        outline = spaced(grid, steps.of(grid, steps_of(grid).tolist()))
+    else:
+        assert like is not None
+        outline = alike(grid, read(like, like_key))
+    size = " x ".join(str(n) for n in outline.shape)
+    check_memory(24 * math.prod(outline.shape), f"resampling to {size}")
+    dtype = result_dtype(grid, recipe.single)
+    check_writable(
+        target, as_between(_with_values(outline, np.resize(grid.values, outline.shape)), dtype)
+    )
+    warn_narrowing(grid, recipe.single, say)
+    around = recipe.axes(grid)
+    field = faired(grid, recipe, say)
+    with say.working(f"resampling to {size}"):
+        values, outside = resampled(field, grid, outline, around)
+    made = _with_values(outline, values.astype(dtype, copy=False))
+    if outside == made.values.size:
+        raise InputError("no sample of the new grid lies within those of the file")
+    if outside:
+        say.note(f"outside the file, and so missing: {describe_count(outside, made.values.size)}")
+    if coarsening(grid, outline) > _COARSE:
+        say.note(
+            "the new grid is coarser: it has values of the field at its samples, not means around "
+            "them"
+        )
+    with say.working(f"writing {target}"):
+        for note in write(target, made):
+            say.note(note)
+    done = Output(made.shape, dtype, made.missing_count)
+    say.done(target, str(done), shape=done.shape, type=done.dtype.name, missing=done.missing)
+
+
+def _with_values(outline: Grid, values: np.ndarray) -> Grid:
+    """Samples on an outline; NaN are missing ones."""
+    missing = np.isnan(values)
+    return replace(outline, values=values, missing=missing if missing.any() else None)
+
+
+COMMANDS = {
+    resample: examples(
+        "contourfair resample dem.tif --like satellite.tif -o dem_there.tif",
+        "contourfair resample dem.tif --spacing 10 -o dem_10m.tif",
+        "contourfair resample head.nii.gz --spacing 1 -o head_1mm.nii.gz",
+    ),
+}

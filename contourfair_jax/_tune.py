@@ -65,8 +65,9 @@ WITNESSES = (WAVES, JAGGED)
 FOOLED = 1.4
 FEWEST = 8
 
-# Noise that is tried, as a part of the error of an exact fit at the samples that are dropped, and
-# how many of these there are to be where there can be: the errors hardly differ.
+# Noise that is tried, as a part of the error of an exact fit at the samples that are dropped (noise
+# is everywhere, so that features with large errors do not count), and how many of these there are
+# to be where there can be: the errors hardly differ.
 NOISES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
 MANY = 2000
 
@@ -196,7 +197,8 @@ def _with_noise(
 def _noisy(candidate: Candidate, errors: Judge) -> Candidate:
     """The candidate with the noise that leaves small errors, 0 for an exact fit."""
     exact = candidate._replace(sigma=0.0)
-    error = errors(exact).everywhere ** 0.5
+    found = errors(exact)
+    error = min(found.everywhere, found.typical) ** 0.5
     tried = [exact, *(exact._replace(sigma=part * error) for part in NOISES)]
     squares = [errors(each).everywhere for each in tried]
     enough = squares[0] - (1 - FORGONE) * (squares[0] - min(squares))

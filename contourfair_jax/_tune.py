@@ -88,8 +88,8 @@ def tune(
     Drops one colour of a checkerboard of the samples, fits the rest with every candidate setting
     and compares at the dropped samples.  Returns the setting with the smallest mean square error,
     with a small handicap for smoothness.  Where dropping only one in five samples (in 3-D seven)
-    tells that half of them were too few, those decide.  Deterministic; takes less than ten times
-    as long as one fit, with `noisy` some five times as long as without.
+    tells that half of them were too few, those decide.  Deterministic; takes some ten times as long
+    as one fit, with `noisy` three to five times as long as without.
 
     Parameters
     ----------

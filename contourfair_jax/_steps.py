@@ -24,6 +24,8 @@ from .io._geometry import seam_note
 if TYPE_CHECKING:
     from ._field import BezierField
 
+# Samples of a volume from which on local fairing, with normals, takes minutes.
+_SLOW = 300_000
 # Where samples of a field lie between those of whole numbers.
 _BETWEEN = 0.25
 
@@ -64,9 +66,19 @@ def _load(
         for grid in grids
         if grid.missing is not None
     ]
+    notes += [note for grid in grids for note in _of_speed(grid, recipe)]
     for note in dict.fromkeys(notes):
         say.note(note)
     return grids
+
+
+def _of_speed(grid: Grid, recipe: Recipe) -> tuple[str, ...]:
+    """What is faster, where fairing takes minutes."""
+    if recipe.method != "local" or recipe.settings.iterations == 0:
+        return ()
+    if grid.ndim < 3 or grid.values.size < _SLOW:
+        return ()
+    return ("local fairing of a volume this large takes minutes, --method global a tenth of that",)
 
 
 def _of_grid(grid: Grid, joined: Sequence[str] | None) -> tuple[str, ...]:

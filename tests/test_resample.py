@@ -105,6 +105,15 @@ def test_volumes_become_isotropic(run, tmp_path):
     assert read(target).spacing == (1.0, 1.0, 1.0)
 
 
+def test_large_volumes_are_told_what_is_faster(monkeypatch, run, tmp_path):
+    monkeypatch.setattr("contourfair_jax._steps._SLOW", 200)
+    source, target = tmp_path / "in.npz", tmp_path / "out.npz"
+    write(source, Grid(hill((5, 7, 8)), spacing=(3.0, 1.0, 1.0), axes=("z", "y", "x")))
+    call = ("resample", source, "-o", target, "--spacing", "z=1")
+    assert "takes minutes, --method global a tenth of that" in run(*call)[2]
+    assert "note" not in run(*call, "--iterations", 0)[2]
+
+
 def test_periodic_axes_go_on(run, tmp_path):
     """The other grid has longitudes from -180, that of the samples from 0."""
     lat, lon = np.linspace(-60, 60, 9), np.arange(0, 360, 30.0)

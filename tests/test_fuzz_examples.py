@@ -81,7 +81,7 @@ def test_any_bytes_are_read_or_refused_in_one_line(tmp_path, suffix, effort):
     check()
 
 
-COMMANDS = ["info", "upsample", "contours", "compare", "isosurface", "adaptive", "metrics"]
+COMMANDS = re.split(r"\s", "info upsample resample contours compare isosurface adaptive metrics")
 FLAGS = re.split(r"\s", "-q --quiet --json --float32 --fill --filled --help --version --nope --")
 NUMBERS = re.split(r"\s", "0 1 2 3 -1 0.5 1e-9 1e400 nan inf 9999999999999999999 x 1,2 50,100 , : ")
 INPUTS = re.split(r"\s", "in.npy volume.npy gaps.npz text.npy folder.npy absent.npy no/in.npy . /")
@@ -95,6 +95,11 @@ VALUES = {
     "--output": FILES,
     "--plot": FILES,
     "--factor": NUMBERS,
+    "--spacing": NUMBERS,
+    "--like": INPUTS,
+    "--like-key": ["data", "t=0", "1", ""],
+    "--sigma": [*NUMBERS, "auto", "Auto "],
+    "--periodic": ["x", "y", "x,y", "q", ",", ""],
     "--levels": NUMBERS,
     "--interval": NUMBERS,
     "--count": NUMBERS,
@@ -136,7 +141,7 @@ def fields(monkeypatch):
             made["it"] = cf.fair_field(np.add.outer(np.arange(5.0) ** 2, np.arange(6.0)))
         return made["it"]
 
-    for module in ("cli", "_upsample", "_cli_contours", "_cli_meshes", "_cli_metrics"):
+    for module in ("cli", "_upsample", "_steps", "_cli_metrics"):
         monkeypatch.setattr(f"contourfair_jax.{module}.fair", found)
 
 

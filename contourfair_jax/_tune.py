@@ -89,7 +89,7 @@ def tune(
     and compares at the dropped samples.  Returns the setting with the smallest mean square error,
     with a small handicap for smoothness.  Where dropping only one in five samples (in 3-D seven)
     tells that half of them were too few, those decide.  Deterministic; takes some ten times as long
-    as one fit, with `noisy` three to five times as long as without.
+    as one fit, with `noisy` two to five times as long as without.
 
     Parameters
     ----------

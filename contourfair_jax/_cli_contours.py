@@ -67,7 +67,7 @@ def contours(
     thin_plate_weight: Weight = None,
     sigma: Sigma = None,
     fill: Fill = False,
-    periodic: Periodic = None,
+    periodic: Periodic = "",
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -87,9 +87,7 @@ def contours(
     check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(
-        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
-    )
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
     check_choice(levels, interval, count)
     with as_input():
         check_tolerance(tolerance)

@@ -43,7 +43,7 @@ def isosurface(
     thin_plate_weight: Weight = None,
     sigma: Sigma = None,
     fill: Fill = False,
-    periodic: Periodic = None,
+    periodic: Periodic = "",
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -63,9 +63,7 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(
-        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
-    )
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
     with as_input():
         check_tolerance(tolerance)
     grid = load(source, key, target, recipe, say)
@@ -114,7 +112,7 @@ def adaptive(
     thin_plate_weight: Weight = None,
     sigma: Sigma = None,
     fill: Fill = False,
-    periodic: Periodic = None,
+    periodic: Periodic = "",
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -134,9 +132,7 @@ def adaptive(
     check_suffix(target, (".vtu",))
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(
-        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
-    )
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
     with as_input():
         check_error(tolerance)
     grid = load(source, key, target, recipe, say)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -29,7 +29,7 @@ from ._options import (
     output,
 )
 from ._recipe import Recipe
-from ._resample import alike, coarsening, parse_spacing, resampled, spaced, steps_of
+from ._resample import alike, coarsening, parse_spacing, resampled, spaced
 from ._run import check_fairable, result_dtype
 from ._steps import as_between, faired, load, warn_narrowing
 from .io import Grid, InputError, check_memory, check_writable, read, write
@@ -61,7 +61,7 @@ def resample(
     thin_plate_weight: Weight = None,
     sigma: Sigma = None,
     fill: Fill = False,
-    periodic: Periodic = None,
+    periodic: Periodic = "",
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -73,40 +73,30 @@ def resample(
     the file are missing.  A coarser grid gets values of the field at its samples, not means.
     """
     say = Reporter(quiet, as_json)
-    recipe = Recipe.parse(
-        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
-    )
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
     if (like is None) == (spacing is None):
         raise InputError("give either --like or --spacing, to say where samples are to lie")
     steps = None if spacing is None else parse_spacing(spacing)
     grid = load(source, key, target, recipe, say)
     check_fairable(grid)
     if steps is not None:
-        outline = spaced(grid, steps.of(grid, steps_of(grid).tolist()))
+        outline = spaced(grid, steps.of(grid, grid.steps))
     else:
         assert like is not None
         outline = alike(grid, read(like, like_key))
     size = " x ".join(str(n) for n in outline.shape)
     check_memory(24 * math.prod(outline.shape), f"resampling to {size}")
     dtype = result_dtype(grid, recipe.single)
-    check_writable(
-        target, as_between(_with_values(outline, np.resize(grid.values, outline.shape)), dtype)
-    )
+    # The values to come are not known, but those of the file are like them.
+    expected = outline.with_values(np.resize(grid.values, outline.shape))
+    check_writable(target, as_between(expected, dtype))
     warn_narrowing(grid, recipe.single, say)
-    around = recipe.axes(grid)
     field = faired(grid, recipe, say)
     with say.working(f"resampling to {size}"):
-        values, outside = resampled(field, grid, outline, around)
-    made = _with_values(outline, values.astype(dtype, copy=False))
-    if outside == made.values.size:
-        raise InputError("no sample of the new grid lies within those of the file")
-    if outside:
-        say.note(f"outside the file, and so missing: {describe_count(outside, made.values.size)}")
-    if coarsening(grid, outline) > _COARSE:
-        say.note(
-            "the new grid is coarser: it has values of the field at its samples, not means around "
-            "them"
-        )
+        values, outside = resampled(field, grid, outline, recipe.axes(grid))
+    for note in _notes(grid, outline, outside):
+        say.note(note)
+    made = outline.with_values(values.astype(dtype, copy=False))
     with say.working(f"writing {target}"):
         for note in write(target, made):
             say.note(note)
@@ -114,10 +104,24 @@ def resample(
     say.done(target, str(done), shape=done.shape, type=done.dtype.name, missing=done.missing)
 
 
-def _with_values(outline: Grid, values: np.ndarray) -> Grid:
-    """Samples on an outline; NaN are missing ones."""
-    missing = np.isnan(values)
-    return replace(outline, values=values, missing=missing if missing.any() else None)
+def _notes(grid: Grid, outline: Grid, outside: int) -> Iterator[str]:
+    """What is to be known of the new grid, so many samples of which lie outside the file.
+
+    Raises
+    ------
+    InputError
+        All of them do.
+    """
+    size = outline.values.size
+    if outside == size:
+        raise InputError("no sample of the new grid lies within those of the file")
+    if outside:
+        yield f"outside the file, and so missing: {describe_count(outside, size)}"
+    if coarsening(grid, outline) > _COARSE:
+        yield (
+            "the new grid is coarser: it has values of the field at its samples, not means around "
+            "them"
+        )
 
 
 COMMANDS = {

@@ -83,7 +83,7 @@ Method = Annotated[
     ),
 ]
 Periodic = Annotated[
-    str | None,
+    str,
     typer.Option(
         "--periodic",
         help="Axes that go all the way round, such as lon, separated by commas: after the last "

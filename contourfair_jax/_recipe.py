@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from ._periodic import check_turn
 from .io import Grid, InputError
-from .io._geometry import spacing_of
 
 if TYPE_CHECKING:
     from ._method import AbstractFairing
@@ -110,9 +109,8 @@ def _axis_all_around(grid: Grid, name: str) -> int:
     if name not in grid.axes:
         raise InputError(f"--periodic: there is no axis {name!r}; there are {', '.join(grid.axes)}")
     axis = grid.axes.index(name)
-    step = grid.spacing[axis] if grid.affine is None else spacing_of(grid.affine)[axis]
     try:
-        check_turn(name, grid.shape[axis], step, grid.metadata.get(f"{name}:units", ""))
+        check_turn(name, grid.shape[axis], grid.steps[axis], grid.metadata.get(f"{name}:units", ""))
     except ValueError as error:
         raise InputError(f"--periodic: {error}") from error
     return axis

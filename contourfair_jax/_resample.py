@@ -12,7 +12,7 @@ import numpy as np
 from ._per_axis import PerAxis
 from .io import Grid, InputError
 from .io._cf import same_system
-from .io._geometry import spacing_of
+from .io._grid import no_samples
 
 if TYPE_CHECKING:
     from ._field import BezierField
@@ -51,20 +51,16 @@ def spaced(grid: Grid, steps: Sequence[float]) -> Grid:
     InputError
         A step is longer than the grid.
     """
-    ratios = np.asarray(steps) / steps_of(grid)
+    ratios = np.asarray(steps) / grid.steps
     last = np.asarray(grid.shape) - 1
-    for name, step, whole in zip(grid.axes, steps, last * steps_of(grid), strict=True):
+    for name, step, whole in zip(grid.axes, steps, last * grid.steps, strict=True):
         if step > whole * (1 + _ROUNDED):
             raise InputError(
                 f"--spacing {step:g} is longer than all of axis {name!r}, {whole:g} in the "
                 "coordinates of the file"
             )
     shape = tuple(int(n) + 1 for n in np.floor(last / ratios + _ROUNDED))
-    affine = None if grid.affine is None else grid.affine.copy()
-    if affine is not None:
-        affine[:-1, :-1] *= ratios
-    spacing = tuple(float(step) for step in np.asarray(grid.spacing) * ratios)
-    return replace(grid, values=_nothing(grid, shape), spacing=spacing, affine=affine, missing=None)
+    return grid.on_finer(no_samples(shape, grid.values.dtype), (1 / ratios).tolist())
 
 
 def alike(grid: Grid, other: Grid) -> Grid:
@@ -87,27 +83,13 @@ def alike(grid: Grid, other: Grid) -> Grid:
         raise InputError(f"it is not known where {which}, so the files have no common coordinates")
     if grid.crs and other.crs and not same_system(grid.crs, other.crs):
         raise InputError("--like has another coordinate reference system; reproject one of them")
-    ratios = steps_of(other) / steps_of(grid)
-    spacing = tuple(float(step) for step in np.asarray(grid.spacing) * ratios)
+    ratios = np.asarray(grid.steps) / other.steps
     return replace(
-        grid,
-        values=_nothing(grid, other.shape),
-        spacing=spacing,
+        grid.on_finer(no_samples(other.shape, grid.values.dtype), ratios.tolist()),
         origin=other.origin if other.affine is None else (),
         affine=other.affine,
         crs=grid.crs or other.crs,
-        missing=None,
     )
-
-
-def _nothing(grid: Grid, shape: tuple[int, ...]) -> np.ndarray:
-    """An array that takes no memory."""
-    return np.broadcast_to(np.zeros((), grid.values.dtype), shape)
-
-
-def steps_of(grid: Grid) -> np.ndarray:
-    """Distances between samples in the coordinates of the file."""
-    return np.asarray(grid.spacing if grid.affine is None else spacing_of(grid.affine))
 
 
 def _affine(grid: Grid) -> np.ndarray:
@@ -121,7 +103,7 @@ def _affine(grid: Grid) -> np.ndarray:
 
 def coarsening(grid: Grid, outline: Grid) -> float:
     """How many times farther apart the samples of the outline are, along the worst axis."""
-    return float((steps_of(outline) / steps_of(grid)).max())
+    return float(np.divide(outline.steps, grid.steps).max())
 
 
 def resampled(

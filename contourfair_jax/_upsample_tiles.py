@@ -23,6 +23,7 @@ from ._run import check_axes, result_dtype
 from ._steps import load, warn_narrowing
 from .io import Grid, InputError
 from .io._geometry import refined_shape
+from .io._grid import no_samples
 
 if TYPE_CHECKING:
     from ._method import AbstractFairing
@@ -193,7 +194,7 @@ def _opened(
         grid = opened.outline()[0]
     else:
         values = opened.open()
-        grid = Grid(np.broadcast_to(np.zeros((), values.dtype), values.shape))
+        grid = Grid(no_samples(values.shape, values.dtype))
     for note in grid.notes + degrees_note(grid):
         say.note(note)
     return grid, opened
@@ -202,7 +203,7 @@ def _opened(
 def _outline(grid: Grid, factors: tuple[int, ...], dtype: np.dtype) -> Grid:
     """The refined grid without its samples; missing ones are NaN."""
     fine = refined_shape(grid.shape, factors)
-    outline = grid.on_finer(np.broadcast_to(np.zeros((), dtype), fine), factors)
+    outline = grid.on_finer(no_samples(fine, dtype), factors)
     return replace(outline, nodata=None)
 
 

@@ -116,7 +116,7 @@ def upsample(
     thin_plate_weight: Weight = None,
     sigma: Sigma = None,
     fill: Fill = False,
-    periodic: Periodic = None,
+    periodic: Periodic = "",
     key: Key = None,
     bands: Bands = False,
     single: Single = False,
@@ -135,9 +135,7 @@ def upsample(
     """
     say = Reporter(quiet, as_json)
     finer = Factor.parse(factor)
-    recipe = Recipe.parse(
-        method, iterations, thin_plate_weight, sigma, fill, single, periodic or ""
-    )
+    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")

@@ -14,6 +14,8 @@ import jax
 import numpy as np
 import pytest
 
+from contourfair_jax import cli
+
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
@@ -65,6 +67,18 @@ def shared_data() -> Path:
     if not DATA.is_dir():
         pytest.skip(f"no real data at {DATA}; set CONTOURFAIR_DATA to the folder that has them")
     return DATA
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command line: exit code, stdout, stderr."""
+
+    def call(*arguments) -> tuple[int, str, str]:
+        code = cli.main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
 
 
 @pytest.fixture(autouse=True, scope="module")

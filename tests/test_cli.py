@@ -46,18 +46,6 @@ def dem(tmp_path):
     return path
 
 
-@pytest.fixture
-def run(capsys):
-    """Run the command line: exit code, stdout, stderr."""
-
-    def call(*arguments) -> tuple[int, str, str]:
-        code = cli.main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
-
-
 # ---- upsample ------------------------------------------------------------------------------
 
 

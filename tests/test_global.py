@@ -584,7 +584,7 @@ def test_quantised_data():
     truth, _ = noisy_field(0)
     step = 0.1
     values = step * np.round(truth / step)
-    method = cf.GlobalFairing(sigma=step / np.sqrt(12), iterations=6)
+    method = cf.GlobalFairing(sigma=step / np.sqrt(12))
     samples = np.asarray(cf.fair_field(values, method=method).samples)
     assert rms(samples - truth) < rms(values - truth) / 1.5
     assert np.abs(samples - values).max() < 1.5 * step

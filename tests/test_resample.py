@@ -7,7 +7,6 @@ import pytest
 from file_helpers import inside  # noqa: F401
 
 import contourfair_jax as cf
-from contourfair_jax import cli
 from contourfair_jax.io import Grid, read, write
 
 pytestmark = pytest.mark.usefixtures("inside")
@@ -26,18 +25,6 @@ def hill(shape=SHAPE) -> np.ndarray:
 def dem(tmp_path):
     write(tmp_path / "dem.tif", Grid(hill(), affine=NORTH_UP, crs=UTM, units="m"))
     return tmp_path / "dem.tif"
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command line: exit code, what was written, stdout, stderr."""
-
-    def call(*arguments):
-        code = cli.main([str(each) for each in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 def test_another_spacing_of_a_geotiff(run, dem, tmp_path):

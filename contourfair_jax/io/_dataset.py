@@ -16,7 +16,7 @@ from ._cf import axis_attributes
 from ._coordinates import affine_of, is_time, ordered
 from ._errors import InputError
 from ._geometry import axes_from_affine, spacing_of
-from ._grid import Grid
+from ._grid import Grid, no_samples
 from ._key import describe_axes, index_of, parse_key
 from ._limits import check_memory
 from ._missing import check_dtype, mark_missing, numeric, restore_nodata
@@ -49,7 +49,7 @@ def grid_from_dataset(data: xr.Dataset, key: str | None) -> Grid:
 def outline_from_dataset(data: xr.Dataset, array: xr.DataArray) -> Grid:
     """A grid like that of `grid_from_dataset` whose values are one zero: nothing is read."""
     dtype = np.dtype(np.float32 if array.dtype.kind == "b" else array.dtype)
-    return _described(data, array, dtype, np.broadcast_to(np.zeros((), dtype), array.shape))
+    return _described(data, array, dtype, no_samples(array.shape, dtype))
 
 
 def choose_array(data: xr.Dataset, key: str | None) -> xr.DataArray:

@@ -87,7 +87,7 @@ def refined_shape(shape: Sequence[int], factors: Sequence[int]) -> tuple[int, ..
     return tuple(factor * (n - 1) + 1 for n, factor in zip(shape, factors, strict=True))
 
 
-def refine_affine(affine: np.ndarray, factors: Sequence[int]) -> np.ndarray:
+def refine_affine(affine: np.ndarray, factors: Sequence[float]) -> np.ndarray:
     """The map of a grid with that many times as many steps; sample 0 stays where it is."""
     refined = affine.copy()
     refined[:-1, :-1] /= np.asarray(factors)

@@ -19,6 +19,11 @@ def exact_float(dtype: np.dtype) -> np.dtype:
     return np.dtype(np.float32 if dtype.itemsize <= small else np.float64)
 
 
+def no_samples(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    """Zeros that take no memory, in the place of samples that are not there yet."""
+    return np.broadcast_to(np.zeros((), dtype), shape)
+
+
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Samples of a scalar field on a regular grid, with their geometry.
@@ -137,6 +142,11 @@ class Grid:
         return "posterior" in self.metadata.get("space", "") and self.axes[-2:] == ("y", "x")
 
     @property
+    def steps(self) -> tuple[float, ...]:
+        """Distances between samples in the coordinates of the file; without any, the spacing."""
+        return self.spacing if self.affine is None else spacing_of(self.affine)
+
+    @property
     def missing_count(self) -> int:
         """Number of missing samples."""
         return 0 if self.missing is None else int(self.missing.sum())
@@ -171,13 +181,17 @@ class Grid:
         )
         if values.shape != expected:
             raise InputError(f"values refined by {factor} must be {expected}, got {values.shape}")
-        missing = np.isnan(values)
-        return replace(self.on_finer(values, factors), missing=missing if missing.any() else None)
+        return self.on_finer(values, factors).with_values(values)
 
-    def on_finer(self, values: np.ndarray, factors: Sequence[int]) -> Grid:
+    def with_values(self, values: np.ndarray) -> Grid:
+        """Other values in the place of the samples; their NaN are missing samples."""
+        missing = np.isnan(values)
+        return replace(self, values=values, missing=missing if missing.any() else None)
+
+    def on_finer(self, values: np.ndarray, factors: Sequence[float]) -> Grid:
         """`values` where the samples of a grid lie that is so many times finer along each axis.
 
-        They are not looked at; none is marked as missing.
+        Of a coarser one, for factors below 1.  They are not looked at; none is marked as missing.
         """
         return replace(
             self,

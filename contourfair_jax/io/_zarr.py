@@ -19,7 +19,7 @@ from ._dataset import (
     outline_from_dataset,
 )
 from ._errors import InputError
-from ._grid import Grid
+from ._grid import Grid, no_samples
 from ._key import index_of, parse_key
 from ._limits import check_memory
 from ._missing import check_dtype
@@ -83,7 +83,7 @@ def read_outline(path: Path, key: str | None) -> tuple[Grid, Any]:
         raise InputError(f"holds one array of {array.ndim} axes; parts of it are not read in tiles")
     check_dtype(array.dtype)
     _check_codecs(array)
-    values = np.broadcast_to(np.zeros((), array.dtype), array.shape)
+    values = no_samples(array.shape, array.dtype)
     return Grid(values, axes=tuple(_dims(array)), source_dtype=array.dtype), array
 
 

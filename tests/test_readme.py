@@ -53,17 +53,30 @@ def test_the_example_of_the_accessor_prints_what_it_says(tmp_path):
     assert "'lat': 41, 'lon': 61" in run(example, tmp_path)
 
 
+def commands() -> list[list[str]]:
+    return [shlex.split(line) for block in blocks("sh") for line in block.splitlines()]
+
+
+def test_commands_read_what_was_written_before():
+    there = set(re.findall(r"write\(\"([^\"]+)\"", "".join(blocks("python"))))
+    for command in commands():
+        written = command[command.index("-o") + 1] if "-o" in command else ""
+        named = {word for word in command if re.search(r"\.[a-z]+$", word)} - {written}
+        assert named, command
+        assert named <= there, command
+        there.add(written)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_other_examples_and_commands_run(tmp_path):
     for script in blocks("python")[1:]:
         run(script, tmp_path)
     assert (tmp_path / "dem.tif").exists()
-    commands = [shlex.split(line) for block in blocks("sh") for line in block.splitlines()]
-    assert {command[0] for command in commands} == {"contourfair"}
-    calls = "".join(f"assert main({command[1:]!r}) == 0\n" for command in commands)
+    assert {command[0] for command in commands()} == {"contourfair"}
+    calls = "".join(f"assert main({command[1:]!r}) == 0\n" for command in commands())
     run(f"from contourfair_jax.cli import main\n{calls}", tmp_path)
-    for command in commands:
+    for command in commands():
         if "-o" in command:
             assert (tmp_path / command[command.index("-o") + 1]).stat().st_size > 1000
 

@@ -29,6 +29,7 @@ OTHERS = (
     engine.DEFAULT,
     engine.SMALL_WEIGHT,
     engine.CLEAN,
+    engine.WAVES,
 )
 
 

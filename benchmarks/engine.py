@@ -17,6 +17,7 @@ LOCAL, GLOBAL, TUNED = "local", "global", "tuned"
 NOISY = "tuned, noisy"
 DEFAULT = "global, defaults"
 SMALL_WEIGHT, CLEAN = "global w .003", "global w .001 c 1.5"
+WAVES = "global w .001 c 1.5 s .1"
 ROBUST = "global, norm 1"
 SMOOTH = "global, smooth"
 
@@ -48,9 +49,16 @@ def _local() -> "cf.LocalFairing":
     return cf.LocalFairing(thin_plate_weight=0.01, iterations=3)
 
 
-def _global(weight: float = 0.01, coherence: float = 1.2, norm: float = 2.0) -> "cf.GlobalFairing":
+def _global(
+    weight: float = 0.01, coherence: float = 1.2, norm: float = 2.0, smoothness: float = 0.0
+) -> "cf.GlobalFairing":
     return cf.GlobalFairing(
-        thin_plate_weight=weight, iterations=3, coherence=coherence, sharpness=2, norm=norm
+        thin_plate_weight=weight,
+        iterations=3,
+        coherence=coherence,
+        sharpness=2,
+        norm=norm,
+        smoothness=smoothness,
     )
 
 
@@ -60,6 +68,7 @@ OBJECTS: dict[str, Callable[[], cf.AbstractFairing]] = {
     GLOBAL: _global,
     SMALL_WEIGHT: lambda: _global(0.003),
     CLEAN: lambda: _global(0.001, 1.5),
+    WAVES: lambda: _global(0.001, 1.5, smoothness=0.1),
     ROBUST: lambda: _global(norm=1.0),
     SMOOTH: lambda: cf.GlobalFairing(thin_plate_weight=1.0, smoothness=0.015, border_degree=4),
 }

@@ -42,7 +42,8 @@ def exact(sharpness=2, **settings):
 
 def clean(**settings):
     """For clean data with thin features: the settings of the accuracy figures."""
-    return cf.GlobalFairing(thin_plate_weight=0.01, sharpness=2, coherence=1.2, **settings)
+    usual = {"thin_plate_weight": 0.01, "sharpness": 2, "coherence": 1.2}
+    return cf.GlobalFairing(**usual | settings)
 
 
 def net_of(values, method, spacing=1.0):
@@ -370,6 +371,22 @@ def fit_of(name):
 def test_accuracy(name, most):
     error = np.asarray(fit_of(name).refine(8)) - cases.ANALYTIC[name].refined(8)
     assert rms(error) < most + 0.00005  # figures are rounded to four places
+
+
+@SLOW
+@pytest.mark.parametrize(
+    ("settings", "most"),
+    [
+        ({}, 0.0049),
+        ({"thin_plate_weight": 0.001, "coherence": 1.5}, 0.0030),
+        ({"thin_plate_weight": 0.001, "coherence": 1.5, "smoothness": 0.1}, 0.0018),
+    ],
+)
+def test_accuracy_of_a_volume(settings, most):
+    case = cases.ANALYTIC["marschner_lobb"]
+    field = cf.fair_field(case.samples(), spacing=case.spacing, method=clean(**settings))
+    error = np.asarray(field.refine(4)) - case.refined(4)
+    assert rms(error[16:-16, 16:-16, 16:-16]) < most
 
 
 @pytest.mark.parametrize(

@@ -8,18 +8,19 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._method import is_traced
-from ._precision import finest, from_origin
+from ._precision import finest, from_origin, rounding
 
-# How far outside the grid a point may lie by rounding, in units of the spacing.
+# How far outside the grid a point may lie, in units of the spacing, beside its rounding.
 SLACK = 1e-5
 
 
 class Extent(eqx.Module):
-    """The grid that is fitted: its shape, geometry and dtype."""
+    """The grid that is fitted: its shape, its geometry as exact as it was given, and its dtype."""
 
     shape: tuple[int, ...] = eqx.field(static=True)
-    spacing: Float[Array, " ndim"]
+    spacing: Float[Array | np.ndarray, " ndim"]
     origin: Float[Array | np.ndarray, " ndim"]
+    dtype: np.dtype = eqx.field(static=True)
 
     @property
     def ndim(self) -> int:
@@ -27,9 +28,9 @@ class Extent(eqx.Module):
         return len(self.shape)
 
     @property
-    def dtype(self) -> jnp.dtype:
-        """The dtype of the fit."""
-        return self.spacing.dtype
+    def steps(self) -> Float[Array, " ndim"]:
+        """The spacing in the dtype of the fit."""
+        return jnp.asarray(self.spacing, self.dtype)
 
     def check_inside(self, points: ArrayLike, kind: str) -> Array:
         """Points counted from the origin, in the dtype of the fit.
@@ -51,7 +52,8 @@ class Extent(eqx.Module):
         if not is_traced(points, self.spacing, self.origin):
             low, step = np.asarray(self.origin, dtype=float), np.asarray(self.spacing, dtype=float)
             known, size = np.asarray(points, dtype=float) - low, step * (np.array(self.shape) - 1)
-            outside = ((known < -SLACK * step) | (known > size + SLACK * step)).any(axis=-1)
+            slack = SLACK * step + rounding(points) * (abs(low) + size)
+            outside = ((known < -slack) | (known > size + slack)).any(axis=-1)
             if outside.any():
                 raise ValueError(
                     f"{outside.sum()} of {outside.size} points of {kind} lie outside the grid, "

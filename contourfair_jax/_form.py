@@ -238,4 +238,5 @@ def _unit_products(count: int, ndim: int) -> tuple[np.ndarray, np.ndarray, np.nd
     pairs = derivatives(2, ndim)
     matrices = np.array([[product(a, b, c) for c in further] for a, b in pairs])
     exponents = np.array([[orders((a, b, *c, *c)) for c in further] for a, b in pairs])
-    return matrices, exponents, np.array([len(c) for c in further])
+    # Not int64: JAX keeps how it converted an index, also when `jax_enable_x64` changes.
+    return matrices, exponents, np.array([len(c) for c in further], np.int32)

@@ -8,6 +8,15 @@ from jaxtyping import Array, Float
 
 from ._method import is_traced
 
+# Coordinates of the border may be rounded so many times, and still be inside.
+_ROUNDINGS = 4
+
+
+def rounding(points: ArrayLike) -> float:
+    """What rounding may have changed coordinates by, relative to their size."""
+    kind = jnp.result_type(points)
+    return _ROUNDINGS * float(jnp.finfo(kind if jnp.issubdtype(kind, jnp.floating) else float).eps)
+
 
 def finest(*arrays: ArrayLike) -> list[Array]:
     """The arrays in the precision of the finest of them, as far as JAX has it."""

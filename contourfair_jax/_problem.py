@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -52,7 +51,7 @@ class Problem(eqx.Module):
         """All that is squared and summed: data in units of sigma, then the prior."""
         field, samples = self.relative_field(z), self.coordinates.samples(z)
         data = [misfit.shifted(self.centre).residuals(field) for misfit in self.misfits]
-        prior = self.regularisation.residuals(samples, self.extent.spacing)
+        prior = self.regularisation.residuals(samples, self.extent.steps)
         return data + [jnp.sqrt(self.strength) * part for part in prior]
 
 
@@ -67,7 +66,7 @@ def pose(
     zero = jnp.zeros((), extent.dtype)
     weight, count, logarithm, known, total = zero, zero, zero, zero, zero
     for misfit in misfits:
-        values, sigma = misfit.anchors(extent.spacing)
+        values, sigma = misfit.anchors(extent.steps)
         weights = 1 / (sigma * sigma)
         weight, count = weight + jnp.sum(weights), count + jnp.sum(weights > 0, dtype=extent.dtype)
         logarithm = logarithm + jnp.sum(jnp.where(weights > 0, jnp.log(sigma), 0))
@@ -75,7 +74,7 @@ def pose(
             known, total = known + jnp.sum(weights), total + jnp.sum(weights * values)
     centre = total / jnp.where(known > 0, known, 1)
     strength = jnp.asarray(regularisation.weight, extent.dtype) * jnp.exp(-2 * logarithm / count)
-    spectrum = regularisation.spectrum(extent.shape, extent.spacing)
+    spectrum = regularisation.spectrum(extent.shape, extent.steps)
     energy = weight / math.prod(extent.shape) + strength * spectrum
     coordinates = Coordinates(1 / jnp.sqrt(energy), cosines)
     return Problem(misfits, extent, method, regularisation, strength, coordinates, centre)
@@ -110,16 +109,14 @@ def solve(
 
 @eqx.filter_jit
 def deviation(
-    problem: Problem,
-    z: Float[Array, "*shape"],
-    quantity: Callable[[BezierField], Array],
-    max_steps: int,
+    problem: Problem, z: Float[Array, "*shape"], gradient: Float[Array, "*net"], max_steps: int
 ) -> Float[Array, ""]:
     """`sqrt(q^T inv(J^T J) q)` with the Jacobian J of the residuals and the gradient q.
 
-    NaN where the solve did not converge.
+    Of a quantity whose gradient in the control points is given.  NaN where the solve did not
+    converge.
     """
-    slope = jax.grad(lambda z: quantity(problem.field(z)))(z)
+    (slope,) = jax.vjp(lambda z: problem.field(z).control_points, z)[1](gradient)
     _, push = jax.linearize(problem.residuals, z)
     pull = jax.linear_transpose(push, z)
     operator = lx.FunctionLinearOperator(

@@ -9,11 +9,9 @@ from jaxtyping import Array, Float
 
 from ._bezier import is_flat
 from ._jets import jets
-from ._precision import finest
+from ._precision import finest, rounding
 
 OUTSIDE = ("nan", "clamp", "extend")
-# Coordinates of the border may be rounded so many times, and still be inside.
-_ROUNDINGS = 4
 
 
 def partials(
@@ -71,7 +69,6 @@ def _grid_coordinates(
 
     In float64 on the host where all of it is known there.
     """
-    kind = points.dtype if jnp.issubdtype(points.dtype, jnp.floating) else np.float64
     numbers: list[Any] = [points, spacing, origin]
     if any(isinstance(each, jax.Array) for each in numbers):
         numbers = [jnp.broadcast_to(each, points.shape) for each in finest(*numbers)]
@@ -81,8 +78,7 @@ def _grid_coordinates(
     grid, away = jnp.asarray((at - first) / step), jnp.asarray(abs(first / step))
     count = jnp.array([(n - 1) // 3 for n in net.shape], grid.dtype)
     cells = jnp.broadcast_to(count, grid.shape)
-    rounding = _ROUNDINGS * float(jnp.finfo(kind).eps)
-    return grid, cells, rounding * (jnp.broadcast_to(away, grid.shape) + cells)
+    return grid, cells, rounding(points) * (jnp.broadcast_to(away, grid.shape) + cells)
 
 
 def _inverse_lengths(spacing: Float[Array, " ndim"], order: int, shape: tuple) -> Array:

@@ -117,7 +117,13 @@ class InverseFit(eqx.Module):
                 f"quantity must return a scalar, got shape {shape}; index or sum it, or use "
                 "jax.vmap over what it depends on"
             )
-        return deviation(self.problem, self.search.unknowns, quantity, max_steps)
+
+        def of_net(net: Array) -> Array:
+            return quantity(dataclasses.replace(self.field, control_points=net))
+
+        # Not in the compiled program, where the spacing and the origin are less exact.
+        gradient = jax.grad(of_net)(self.field.control_points)
+        return deviation(self.problem, self.search.unknowns, gradient, max_steps)
 
 
 def fit_samples(
@@ -215,7 +221,7 @@ def fit_samples(
     sites = [getattr(misfit, "points", None) for misfit in misfits]
     pairs = zip(sites, counts, strict=True)
     return InverseFit(
-        # Outside of the compiled program the origin is as exact as it was given.
+        # Outside of the compiled program they are as exact as they were given.
         dataclasses.replace(field, spacing=extent.spacing, origin=extent.origin),
         tuple(each[:count] for each, count in zip(differences, counts, strict=True)),
         tuple(None if at is None else extent.absolute(at[:count]) for at, count in pairs),
@@ -269,8 +275,7 @@ def _extent(shape: Sequence[int], spacing: object, origin: object, dtype: object
         )
     steps = _check.check_per_axis(spacing, len(sizes), "spacing", positive=True)
     corner = _check.check_per_axis(origin, len(sizes), "origin")
-    with jax.ensure_compile_time_eval():  # known also inside `jax.jit`
-        return Extent(sizes, jnp.asarray(steps, kind), corner)
+    return Extent(sizes, steps, corner, kind)
 
 
 def _checked(value: Any, default: type, kind: type, name: str) -> Any:

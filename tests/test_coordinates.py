@@ -138,3 +138,33 @@ def test_rows_of_different_lengths_are_refused_by_name(hill):
 def test_what_does_not_fit_into_float32_is_refused(spacing, origin, hill):
     with pytest.raises(ValueError, match=r"must be finite.*in float32 too"):
         cf.fair_field(hill, spacing=spacing, origin=origin)
+
+
+@pytest.mark.both_precisions
+def test_fits_far_from_zero_are_evaluated_where_they_lie(rng, x64):
+    """Also with a spacing that float32 does not have."""
+    spacing, far = 7 / 15, np.full(2, 5e6)
+    points = rng.uniform(0, 15 * spacing, (150, 2))
+    values, at = np.sin(points.sum(axis=1)), points[:7]
+    here, there = (
+        fit_samples(
+            Values(points + o, values, 0.01), (16, 16), spacing=spacing, origin=o, method=PLATE
+        )
+        for o in (0.0, far)
+    )
+    np.testing.assert_allclose(there.field(at + far), here.field(at), atol=1e-4)
+    sure = [
+        fit.standard_deviation(lambda field, p=p: field(p))
+        for fit, p in ((here, at[0]), (there, at[0] + far))
+    ]
+    np.testing.assert_allclose(*sure, rtol=1e-2)
+
+
+@pytest.mark.both_precisions
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_observations_at_the_border_are_inside_however_they_are_rounded(dtype, x64):
+    grid = {"spacing": 0.7, "origin": 1e4, "method": PLATE}
+    points = np.array([[1e4, 1e4], [1e4 + 350, 1e4 + 1.4], [1e4 + 9, 1e4 + 0.3]]).astype(dtype)
+    assert fit_samples(Values(points, np.ones(3)), (501, 3), **grid).converged
+    with pytest.raises(ValueError, match="1 of 3 points of Values lie outside"):
+        fit_samples(Values(points + np.array([0, 0.1], dtype), np.ones(3)), (501, 3), **grid)

@@ -346,6 +346,19 @@ def test_thin_plate_alone():
     assert_close(ours, expected, 1e-8)
 
 
+@pytest.mark.both_precisions
+@pytest.mark.parametrize("method", [cf.GlobalFairing(border_degree=1), cf.LocalFairing()])
+def test_precisions_follow_each_other_in_one_process(method, rng, x64):
+    values = rng.normal(size=(5, 6)).astype(np.float32)
+    nets = []
+    for wide in (True, False, True):
+        with jax.enable_x64(wide):
+            nets.append(np.asarray(cf.fair_field(values, method=method).control_points))
+    assert {net.dtype for net in nets} == {np.dtype(np.float32)}
+    assert_close(nets[0], nets[1], 1e-3)
+    np.testing.assert_array_equal(nets[0], nets[2])
+
+
 # Accuracy and convergence ----------------------------------------------------------------
 
 

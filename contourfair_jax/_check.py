@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 DIMENSIONS = (2, 3)
 
 
-def check_samples(values: object, name: str = "values") -> Array:
+def check_samples(values: object, name: str = "values", depth: int = 1) -> Array:
     """Turn `values` into a floating JAX array of rank 2 or 3 with at least 3 samples per axis.
 
     Integers and booleans become the default float, float16 and bfloat16 become float32, and a
@@ -28,6 +28,8 @@ def check_samples(values: object, name: str = "values") -> Array:
         For another rank, a short axis, or a dtype that is not real.
     """
     array = values if isinstance(values, jax.Array) else unmasked(values, name)
+    if jnp.issubdtype(array.dtype, jax.dtypes.extended):
+        raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}, keys of JAX")
     dtype = np.dtype(array.dtype)
     if dtype.kind not in "fiub" and not jnp.issubdtype(dtype, jnp.floating):
         raise ValueError(
@@ -49,7 +51,7 @@ def check_samples(values: object, name: str = "values") -> Array:
             f"{name} is float64 but JAX computes in float32, so about 9 of 16 digits are lost; "
             "call jax.config.update('jax_enable_x64', True) first, or pass float32 to say so",
             UserWarning,
-            stacklevel=3,
+            stacklevel=depth + 2,
         )
     array = jnp.asarray(array, dtype=_float_dtype(dtype))
     if dtype.kind in "iub":

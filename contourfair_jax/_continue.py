@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 LAYERS = 2
 # Polynomials of higher degree swing too much.
 LARGEST_DEGREE = 5
-# Continued samples that noise moves by more than this part of the range tell nothing.
+# Continued samples that noise moves by more than this part of their range tell nothing.
 LOUDEST = 0.1
 
 
@@ -24,19 +24,21 @@ class Continued(NamedTuple):
     """Samples with `LAYERS` more at either end of every axis."""
 
     values: Float[Array, "*wide"]
-    variances: Float[Array, "*wide"]
+    sigma: Float[Array, "*wide"]
 
 
 def continue_samples(
-    values: Float[Array, "*shape"], variances: Float[Array, "*shape"], degree: int
+    values: Float[Array, "*shape"], sigma: Float[Array, "*shape"], degree: int
 ) -> Continued:
     """Samples on a wider grid, axis by axis from the nearest `degree + 1` samples of each line.
 
-    Lines with fewer samples near the border are not continued: NaN.  Variances are those of the
-    polynomials, for independent noise; where they are large, NaN too.
+    Lines with fewer samples near the border are not continued: NaN.  Sigma is the standard
+    deviation of the polynomials, for independent noise; where it is large, NaN too.
     """
     known = jax.lax.stop_gradient(values)
-    loud = (LOUDEST * (jnp.nanmax(known) - jnp.nanmin(known))) ** 2
+    spread = jnp.nanmax(known) - jnp.nanmin(known)
+    unit = jnp.where(spread > 0, spread, 1)
+    variances = (sigma / unit) ** 2
     for axis in range(values.ndim):
         values, variances = (jnp.moveaxis(array, axis, 0) for array in (values, variances))
         low, high = (_beyond(values[::step], variances[::step], degree) for step in (1, -1))
@@ -45,7 +47,8 @@ def continue_samples(
             for before, array, after in zip(low, (values, variances), high, strict=True)
         )
     inside = jnp.zeros(values.shape, bool).at[(slice(LAYERS, -LAYERS),) * values.ndim].set(True)
-    return Continued(jnp.where(inside | (variances <= loud), values, jnp.nan), variances)
+    quiet = variances <= jnp.where(spread > 0, LOUDEST**2, 0)
+    return Continued(jnp.where(inside | quiet, values, jnp.nan), jnp.sqrt(variances) * unit)
 
 
 def _beyond(

@@ -97,7 +97,7 @@ def cross_validation_error(
 
 def checked(values: ArrayLike, spacing: ArrayLike | Sequence[float]) -> tuple[Array, Array]:
     """Samples, and their distances in the same precision."""
-    samples = _check.check_samples(values)
+    samples = _check.check_samples(values, depth=2)
     steps = _check.check_per_axis(spacing, samples.ndim, "spacing", positive=True)
     return samples, jnp.asarray(steps, samples.dtype)
 

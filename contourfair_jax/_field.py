@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -49,7 +50,8 @@ class BezierField(eqx.Module):
     NaN; a point with a NaN coordinate is NaN.
 
     Points that are NumPy arrays or lists are placed in the grid in float64, whatever JAX computes
-    in: coordinates of maps have more digits than float32.
+    in: coordinates of maps have more digits than float32.  That needs spacing and origin that are
+    NumPy arrays too; those of a field that comes out of `jax.jit` are JAX arrays.
 
     `jax.vmap` gives a batch of fields in one object: its arrays have an axis more, and its methods
     are to be called inside `jax.vmap` too.
@@ -254,12 +256,15 @@ class BezierField(eqx.Module):
 
         return bezier_grid(self)
 
-    def to_bspline(self) -> tuple[tuple[Float[Array, " knots"], ...], Float[Array, "*twice"]]:
+    def to_bspline(
+        self,
+    ) -> tuple[tuple[Float[Array | np.ndarray, " knots"], ...], Float[Array, "*twice"]]:
         """The same field as a cubic B-spline with double knots.
 
         Returns
         -------
         knots : tuple of arrays, each of length 2 n + 4
+            In float64, of NumPy, where the spacing and the origin are.
         coefficients : array, shape (2 n_1, ..., 2 n_d)
             `scipy.interpolate.NdBSpline(knots, coefficients, 3)` is the field, inside the grid.
 
@@ -269,11 +274,12 @@ class BezierField(eqx.Module):
         their neighbours (end of section 4.2 of the paper).
         """
         knots, coefficients = [], self.control_points
-        spacing, origin = finest(self.spacing, self.origin)
+        spacing, origin = self.spacing, self.origin
+        if isinstance(spacing, jax.Array) or isinstance(origin, jax.Array):
+            spacing, origin = finest(spacing, origin)
         for axis, n in enumerate(self.shape):
-            vertices = origin[axis] + spacing[axis] * jnp.arange(n, dtype=spacing.dtype)
-            ends = jnp.repeat(vertices[jnp.array([0, -1])], 2)
-            knots.append(jnp.concatenate([ends[:2], jnp.repeat(vertices, 2), ends[2:]]))
+            vertices = np.repeat(np.arange(n), [4, *[2] * (n - 2), 4]).astype(spacing.dtype)
+            knots.append(origin[axis] + spacing[axis] * vertices)
             kept = [k for k in range(3 * n - 2) if k % 3 or k in (0, 3 * n - 3)]
             coefficients = jnp.take(coefficients, jnp.array(kept), axis=axis)
         return tuple(knots), coefficients

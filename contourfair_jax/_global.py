@@ -88,9 +88,10 @@ class GlobalFairing(AbstractFairing):
         Remove overshoot: every cell stays between the smallest and the largest of its own
         samples.  Samples and C1 are kept, fairness is not.
     converge : float or None
-        Renew the normals until the field changes by less than this, in units of the samples'
-        spread, at most `iterations` times; give it some 50 then.  The limit is differentiated by
-        the implicit function theorem, with memory that does not depend on the iterations.
+        Renew the normals until no value, slope or mixed derivative per cell changes by more than
+        this, in units of the samples' spread, at most `iterations` times; give it some 50 then.
+        The limit is differentiated by the implicit function theorem, with memory that does not
+        depend on the iterations.
         Derivatives are as accurate as `tolerance`, which is to be well below `converge`.
         None renews them `iterations` times, and derivatives are those of the last iterate.
     coarse_grids : bool or None
@@ -161,13 +162,13 @@ class GlobalFairing(AbstractFairing):
         if self.border_degree == 0:
             return self._fit(values, spacing)
         known = jnp.zeros((), values.dtype) if self.sigma is None else self.sigma
-        variances = jnp.broadcast_to(jnp.asarray(known, values.dtype) ** 2, values.shape)
-        wide = continue_samples(values, variances, self.border_degree)
+        known = jnp.broadcast_to(jnp.asarray(known, values.dtype), values.shape)
+        wide = continue_samples(values, known, self.border_degree)
         weights = self.cell_weights
         method = dataclasses.replace(
             self,
             border_degree=0,
-            sigma=None if self.sigma is None else jnp.sqrt(wide.variances),  # pyright: ignore
+            sigma=None if self.sigma is None else wide.sigma,
             cell_weights=None if weights is None else jnp.pad(weights, LAYERS, mode="edge"),
         )
         net, report = method._fit(wide.values, spacing, LAYERS)

@@ -16,7 +16,8 @@ class FitReport(eqx.Module):
         Whether every linear solve met its tolerance within the step limit, and the iteration its
         own where it has one.
     updates : array, shape (iterations + 1,)
-        Largest change of the control net in each iteration, in units of the samples' spread.
+        Largest change of a value, a slope or a mixed derivative per cell in each iteration, in
+        units of the samples' spread.  That of the control net is smaller.
     steps : array of int, shape (iterations + 1,)
         Steps of conjugate gradients in each iteration.
     residuals : array, shape (iterations + 1,)

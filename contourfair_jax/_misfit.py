@@ -27,8 +27,8 @@ class AbstractMisfit(eqx.Module):
         """
 
     @abc.abstractmethod
-    def shifted(self, level: Float[Array, ""]) -> "AbstractMisfit":
-        """The data of the field minus a constant."""
+    def relative(self, level: Float[Array, ""], unit: Float[Array, ""]) -> "AbstractMisfit":
+        """The data of the field minus a constant, over a unit."""
 
     def residuals(self, field: BezierField) -> Float[Array, "..."]:
         """Differences in units of sigma; data of infinite sigma have no weight."""
@@ -46,8 +46,9 @@ class PointValues(AbstractMisfit):
     def differences(self, field):
         return field(self.points, outside="clamp") - self.values
 
-    def shifted(self, level):
-        return dataclasses.replace(self, values=self.values - level)
+    def relative(self, level, unit):
+        values = (self.values - level) / unit
+        return dataclasses.replace(self, values=values, sigma=self.sigma / unit)
 
     def anchors(self, spacing):
         return self.values, self.sigma
@@ -63,8 +64,8 @@ class PointSlopes(AbstractMisfit):
     def differences(self, field):
         return field.gradient(self.points, outside="clamp") - self.gradients
 
-    def shifted(self, level):
-        return self
+    def relative(self, level, unit):
+        return dataclasses.replace(self, gradients=self.gradients / unit, sigma=self.sigma / unit)
 
     def anchors(self, spacing):
         return jnp.zeros((0,), self.sigma.dtype), self.sigma * jnp.min(spacing)
@@ -83,8 +84,13 @@ class Margins(AbstractMisfit):
         above = self.signs * (field(self.points, outside="clamp") - self.level[None])
         return -self.signs * jnp.maximum(self.margin - above, 0)
 
-    def shifted(self, level):
-        return dataclasses.replace(self, level=self.level - level)
+    def relative(self, level, unit):
+        return dataclasses.replace(
+            self,
+            level=(self.level - level) / unit,
+            margin=self.margin / unit,
+            sigma=self.sigma / unit,
+        )
 
     def anchors(self, spacing):
         return self.level[None] + self.signs * self.margin, self.sigma
@@ -104,8 +110,9 @@ class Averages(AbstractMisfit):
             averages = jnp.tensordot(averages, matrix, axes=((0,), (1,)), precision="highest")
         return averages - self.values
 
-    def shifted(self, level):
-        return dataclasses.replace(self, values=self.values - level)
+    def relative(self, level, unit):
+        values = (self.values - level) / unit
+        return dataclasses.replace(self, values=values, sigma=self.sigma / unit)
 
     def anchors(self, spacing):
         return self.values.ravel(), self.sigma.ravel()

@@ -51,7 +51,9 @@ class ThinPlate(eqx.Module):
         parts = [jnp.diff(slope, axis=k) / steps[k] for k, slope in enumerate(slopes)]
         for a, b in itertools.combinations(range(samples.ndim), 2):
             parts.append(np.sqrt(2).item() * jnp.diff(slopes[a], axis=b) / steps[b])
-        root = jnp.sqrt(jnp.where(jnp.asarray(self.tension) > 0, self.tension, 0))
+        tension = jnp.asarray(self.tension)
+        # Its derivative at zero, which is infinite, is zero here.
+        root = jnp.where(tension > 0, jnp.sqrt(jnp.where(tension > 0, tension, 1)), 0)
         return parts + [root.astype(samples.dtype) * slope for slope in slopes]
 
     def spectrum(self, shape: tuple[int, ...], spacing: Float[Array, " ndim"]) -> Array:

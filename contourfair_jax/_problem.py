@@ -25,34 +25,45 @@ TOLERANCE = 1e-4
 class Problem(eqx.Module):
     """Data, prior and method: residuals as a function of the unknowns.
 
-    The field and its data are taken relative to `centre`, so that rounding is that of their spread.
+    The field and its data are taken relative to `centre`, so that rounding is that of their spread,
+    and in units of `unit`, the mean sigma, so that squares of either stay in the range of floats.
     """
 
     misfits: tuple[AbstractMisfit, ...]
     extent: Extent
     method: AbstractFairing
     regularisation: ThinPlate
-    strength: Float[Array, ""]
     coordinates: Coordinates
     centre: Float[Array, ""]
+    unit: Float[Array, ""]
 
     def relative_field(self, z: Float[Array, "*shape"]) -> BezierField:
-        """The field of the unknowns minus the centre, with points counted from the origin."""
+        """The field of the unknowns minus the centre, in units, with points from the origin on."""
         samples, spacing = self.coordinates.samples(z), self.extent.spacing
         return fair_field(samples, spacing=spacing, method=self.method)
 
     def field(self, z: Float[Array, "*shape"]) -> BezierField:
         """The field of the unknowns."""
         field = self.relative_field(z)
-        net = field.control_points + self.centre
+        net = field.control_points * self.unit + self.centre
         return dataclasses.replace(field, control_points=net, origin=self.extent.origin)
+
+    def unknowns(self, samples: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+        """The unknowns of samples."""
+        return self.coordinates.unknowns((samples - self.centre) / self.unit)
+
+    def differences(self, z: Float[Array, "*shape"]) -> list[Array]:
+        """Of all data from the field of the unknowns, in units of the data."""
+        field = self.relative_field(z)
+        return [misfit.differences(field) * self.unit for misfit in self.misfits]
 
     def residuals(self, z: Float[Array, "*shape"]) -> list[Array]:
         """All that is squared and summed: data in units of sigma, then the prior."""
         field, samples = self.relative_field(z), self.coordinates.samples(z)
-        data = [misfit.shifted(self.centre).residuals(field) for misfit in self.misfits]
+        data = [misfit.residuals(field) for misfit in self.misfits]
         prior = self.regularisation.residuals(samples, self.extent.steps)
-        return data + [jnp.sqrt(self.strength) * part for part in prior]
+        stiffness = jnp.sqrt(jnp.asarray(self.regularisation.weight, self.extent.dtype))
+        return data + [stiffness * part for part in prior]
 
 
 def pose(
@@ -62,22 +73,28 @@ def pose(
     regularisation: ThinPlate,
     cosines: tuple[Float[Array, "n n"], ...],
 ) -> Problem:
-    """The problem with its scales: the mean of the data, and the mean weight of one of them."""
+    """The problem with its scales: the mean of the data, and the mean sigma of one of them."""
+    anchors = [misfit.anchors(extent.steps) for misfit in misfits]
     zero = jnp.zeros((), extent.dtype)
-    weight, count, logarithm, known, total = zero, zero, zero, zero, zero
-    for misfit in misfits:
-        values, sigma = misfit.anchors(extent.steps)
-        weights = 1 / (sigma * sigma)
-        weight, count = weight + jnp.sum(weights), count + jnp.sum(weights > 0, dtype=extent.dtype)
-        logarithm = logarithm + jnp.sum(jnp.where(weights > 0, jnp.log(sigma), 0))
+    count, logarithm = zero, zero
+    for _, sigma in anchors:
+        finite = jnp.isfinite(sigma)
+        count = count + jnp.sum(finite, dtype=extent.dtype)
+        logarithm = logarithm + jnp.sum(jnp.where(finite, jnp.log(sigma), 0))
+    unit = jnp.exp(logarithm / count)
+    weight, known, total = zero, zero, zero
+    for values, sigma in anchors:
+        weights = (unit / sigma) ** 2
+        weight = weight + jnp.sum(weights)
         if values.size:
             known, total = known + jnp.sum(weights), total + jnp.sum(weights * values)
     centre = total / jnp.where(known > 0, known, 1)
-    strength = jnp.asarray(regularisation.weight, extent.dtype) * jnp.exp(-2 * logarithm / count)
     spectrum = regularisation.spectrum(extent.shape, extent.steps)
+    strength = jnp.asarray(regularisation.weight, extent.dtype)
     energy = weight / math.prod(extent.shape) + strength * spectrum
     coordinates = Coordinates(1 / jnp.sqrt(energy), cosines)
-    return Problem(misfits, extent, method, regularisation, strength, coordinates, centre)
+    relative = tuple(misfit.relative(centre, unit) for misfit in misfits)
+    return Problem(relative, extent, method, regularisation, coordinates, centre, unit)
 
 
 @eqx.filter_jit
@@ -99,12 +116,10 @@ def solve(
     z = jnp.zeros(extent.shape, extent.dtype)
     size = jnp.sqrt(2 * loss_of(problem.residuals)(z))
     if start is not None:
-        z = problem.coordinates.unknowns(start - problem.centre)
+        z = problem.unknowns(start)
     found = search(optimiser, problem.residuals, z, size, report)
-    field = problem.field(found.unknowns)
-    relative = problem.relative_field(found.unknowns)
-    differences = [each.shifted(problem.centre).differences(relative) for each in misfits]
-    return problem, found, field, differences
+    z = found.unknowns
+    return problem, found, problem.field(z), problem.differences(z)
 
 
 @eqx.filter_jit
@@ -122,9 +137,11 @@ def deviation(
     operator = lx.FunctionLinearOperator(
         lambda x: pull(push(x))[0], jax.eval_shape(lambda: z), lx.positive_semidefinite_tag
     )
+    largest = jnp.max(jnp.abs(slope))
+    slope = slope / jnp.where(largest == 0, 1, largest)
     size = jnp.sqrt(jnp.sum(slope * slope))
     size = jnp.where(size == 0, 1, size)
     solver = lx.CG(0.0, TOLERANCE, norm=optx.two_norm, max_steps=max_steps)
     solution = lx.linear_solve(operator, slope / size, solver, throw=False)
-    variance = size * jnp.sum(slope * solution.value)
-    return jnp.where(solution.result == lx.RESULTS.successful, jnp.sqrt(variance), jnp.nan)
+    found = largest * jnp.sqrt(size * jnp.sum(slope * solution.value))
+    return jnp.where(solution.result == lx.RESULTS.successful, found, jnp.nan)

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 _BATCH = 1 << 18
 # Points this near to samples along an axis, in steps, are there: coordinates are rounded.
 _ROUNDED = 1e-6
-# How far from a face of a cell it is taken to be evaluated, in steps.
-_BESIDE = 1e-12
 
 
 def parse_spacing(text: str) -> PerAxis[float]:
@@ -169,7 +167,8 @@ def _beside_gaps(
         meet = ((places == whole) | (np.array(sides) == 0)).all(-1)
         open_ = np.flatnonzero(np.isnan(values) & meet)
         if len(open_):
-            values[open_] = evaluate(places[open_] - _BESIDE * np.array(sides))
+            below = np.where(sides, np.nextafter(places[open_], -np.inf), places[open_])
+            values[open_] = evaluate(below)
     last = np.asarray(samples.shape) - 1
     there = np.flatnonzero(((places == whole) & (whole >= 0) & (whole <= last)).all(-1))
     values[there] = samples[tuple(whole[there].astype(int).T)]

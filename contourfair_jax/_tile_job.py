@@ -89,12 +89,7 @@ def plan_job(
     chosen = np.dtype(exact_float(kind) if dtype is None else dtype)
     if chosen not in (np.float32, np.float64):
         raise ValueError(f"dtype must be float32 or float64, got {chosen}")
-    steps = np.asarray(spacing, float)
-    if steps.shape not in ((), (len(shape),)) or not (np.isfinite(steps) & (steps > 0)).all():
-        raise ValueError(
-            f"spacing must be one number above zero or {len(shape)} of them, got {spacing!r}"
-        )
-    steps = np.broadcast_to(steps, len(shape))
+    steps = np.asarray(_check.check_per_axis(spacing, len(shape), "spacing", positive=True))
     method = LocalFairing() if method is None else method
     tiling = tiling_of(method, shape, factors)
     return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen, fill)

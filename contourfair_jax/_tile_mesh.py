@@ -13,14 +13,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from . import _check
 from ._fair import settings_as_arrays
 from ._local import LocalFairing
-from ._method import AbstractFairing
+from ._method import AbstractFairing, is_traced
 from ._tile_program import refine_block, tile_method, tiling_of
 from ._tiling import Tiling
 
@@ -49,7 +49,8 @@ def refine_sharded(
         How many times finer, along each axis where they differ.
     mesh : jax.sharding.Mesh
         The first axis of the mesh divides the first axis of the grid, and so on; a mesh may have
-        fewer axes than the grid.
+        fewer axes than the grid.  Explicit axes, as of `jax.make_mesh`, are taken for automatic
+        ones; inside `jax.jit` the values must not be divided along them.
     method : LocalFairing or GlobalFairing
         As for `contourfair_jax.tiles.refine_to`.
     spacing : float or sequence of ndim floats
@@ -72,10 +73,23 @@ def refine_sharded(
         raise ValueError(
             f"mesh must have at most {values.ndim} axes for these values, got {mesh.axis_names}"
         )
+    mesh, values = _automatic(mesh, values)
     method = LocalFairing() if method is None else method
     tiling = tiling_of(method, values.shape, factors)
     method = settings_as_arrays(tile_method(method.prepare(values)), values.dtype)
     return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))
+
+
+def _automatic(mesh: Mesh, values: Array) -> tuple[Mesh, Array]:
+    """The mesh, and what is divided along its axes, with axes that JAX divides as it likes.
+
+    Those of `jax.make_mesh` are explicit, and go into the types of arrays.
+    """
+    automatic = Mesh(mesh.devices, mesh.axis_names)
+    if not is_traced(values) and values.sharding.device_set == set(mesh.devices.flat):
+        spec = getattr(values.sharding, "spec", PartitionSpec())
+        values = jax.device_put(values, NamedSharding(automatic, spec))
+    return automatic, values
 
 
 class _Part(NamedTuple):

@@ -71,6 +71,11 @@ def tiling_of(method: AbstractFairing, shape: tuple[int, ...], factors: tuple[in
             "method.norm below 2 weighs cells by the mean of the whole grid, so it cannot be used "
             "in tiles; leave it 2, or fair the whole grid with fair_field"
         )
+    if getattr(method, "converge", None) is not None:
+        raise ValueError(
+            "method.converge stops by the changes of the whole grid, which leaves seams, so it "
+            "cannot be used in tiles; leave it None, or fair the whole grid with fair_field"
+        )
     if getattr(method, "border_degree", 0):
         raise ValueError(
             "method.border_degree continues every tile beyond its own edges, which leaves seams, "

@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from . import _check
 from ._cross_validation import (
@@ -133,6 +135,7 @@ def tune(
         raise ValueError("noisy chooses sigma, so sigma must be None beside it; leave one out")
     if isinstance(values, Tracer):
         raise ValueError("values must be known to choose settings; call tune outside jax.jit")
+    values, scale = _scaled(values)
     known = ~jnp.isnan(values)
     if int(jnp.sum(known)) < FEWEST:
         raise ValueError(
@@ -155,8 +158,16 @@ def tune(
         chosen = chosen._replace(border_degree=0)
     if noisy:
         chosen = _with_noise(chosen, tried, deciding, on_several)
-    settings = chosen._asdict() | {"sigma": chosen.sigma or sigma}
+    settings = chosen._asdict() | {"sigma": scale * chosen.sigma if chosen.sigma else sigma}
     return dataclasses.replace(GlobalFairing(coherence=COHERENCE), **settings)
+
+
+def _scaled(values: Array) -> tuple[Array, float]:
+    """The samples over a power of two near their range, whose squares stay in that of floats."""
+    known = np.asarray(values, dtype=np.float64)
+    known = known[~np.isnan(known)]
+    exponent = int(np.frexp(np.ptp(known) if known.size else 1.0)[1])
+    return jnp.ldexp(values, -exponent), 2.0**exponent
 
 
 def _exact(

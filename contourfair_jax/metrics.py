@@ -34,13 +34,15 @@ def overshoot(field: BezierField) -> float:
     """How far the field leaves the range of its samples, as a fraction of that range.
 
     Proved by Bernstein bounds to 1e-9 of the range; 0 for constant samples.  NaN cells are left
-    out.  Any dimension.
+    out, 0 if all are.  Any dimension.
     """
     samples = np.asarray(field.samples)
     samples = samples[np.isfinite(samples)]
     if not samples.size or samples.min() == samples.max():
         return 0.0
     low, high = extrema(np.asarray(field.control_points))
+    if np.isnan(low):  # no cell is left
+        return 0.0
     excess = max(float(samples.min()) - low, high - float(samples.max()), 0.0)
     return excess / (float(samples.max()) - float(samples.min()))
 

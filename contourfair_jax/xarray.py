@@ -17,7 +17,6 @@ except ImportError as error:
     raise ImportError(message) from error
 
 import jax
-import jax.numpy as jnp
 
 from . import BezierField, fair_field
 from ._check import check_factors
@@ -141,7 +140,7 @@ class FairAccessor:
         )
 
         def evaluate(field: BezierField) -> np.ndarray:
-            return np.asarray(field(jnp.asarray(points, field.dtype), outside))
+            return np.asarray(field(points, outside))
 
         values = _of_each(array, axes, method, evaluate)
         batch = array.dims[: array.ndim - len(axes)]
@@ -272,16 +271,15 @@ def _with_field(
 
 
 def _target(array: xr.DataArray, axis: Axis, wanted: Any) -> xr.DataArray:
-    """New coordinates along an axis, with the attributes of the old ones."""
+    """New coordinates along an axis: with their own attributes, or those of the old ones."""
     if isinstance(wanted, xr.DataArray):
-        target = wanted.rename(axis.dim)
-    else:
-        values = np.asarray(wanted)
-        if values.ndim > 1:
-            raise ValueError(
-                f"coords[{axis.dim!r}] must be a number, 1-D or a DataArray, got {values.ndim}-D"
-            )
-        target = xr.DataArray(values, dims=(axis.dim,) * values.ndim, name=axis.dim)
+        return wanted.rename(axis.dim)
+    values = np.asarray(wanted)
+    if values.ndim > 1:
+        raise ValueError(
+            f"coords[{axis.dim!r}] must be a number, 1-D or a DataArray, got {values.ndim}-D"
+        )
+    target = xr.DataArray(values, dims=(axis.dim,) * values.ndim, name=axis.dim)
     if axis.dim in array.coords:
         target.attrs = dict(array.coords[axis.dim].attrs)
     return target

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import interpolate
 
 import contourfair_jax as cf
 from contourfair_jax import geometry
@@ -34,6 +35,24 @@ def test_far_from_zero_all_is_as_near_it(hill, rng, x64):
     np.testing.assert_allclose(line.points - FAR, reference.points, atol=1e-8)
     for measure in (geometry.length, geometry.area, geometry.bending):
         np.testing.assert_allclose(measure(far, [line]), measure(near, [reference]), rtol=1e-4)
+
+
+@pytest.mark.both_precisions
+@pytest.mark.parametrize("shape", [(5, 6), (3, 4, 5)])
+@pytest.mark.parametrize("far", [0.0, 5e6])
+def test_the_spline_of_scipy_is_the_field(shape, far, rng, x64):
+    spacing, far = np.array([0.1, 0.7, 2.3])[: len(shape)], np.full(len(shape), far)
+    values = rng.normal(size=shape).astype(float if x64 else np.float32)
+    field = cf.fair_field(values, spacing=spacing, origin=far, method=PLATE)
+    knots, coefficients = field.to_bspline()
+    assert [len(each) for each in knots] == [2 * n + 4 for n in shape]
+    points = rng.uniform(0, 1, (200, len(shape))) * spacing * (np.array(shape) - 1) + far
+    spline = interpolate.NdBSpline(knots, np.asarray(coefficients, float), 3)
+    tolerance = 1e-5 if coefficients.dtype == np.float32 else 1e-7 if far.any() else 1e-12
+    np.testing.assert_allclose(spline(points), field(points), atol=tolerance)
+    knots_inside_jit, _ = jax.jit(lambda field: field.to_bspline())(field)
+    for ours, expected in zip(knots_inside_jit, knots, strict=True):
+        np.testing.assert_allclose(ours, expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -61,10 +61,11 @@ def test_csv_has_a_row_for_each_vertex(field, tmp_path):
 
 
 def test_svg_has_a_group_for_each_level(field, tmp_path):
-    export.write_lines(tmp_path / "lines.svg", field.contours(LEVELS), export.grid_of(field))
+    lines = field.contours(LEVELS)
+    export.write_lines(tmp_path / "lines.svg", [*lines, lines[0]], export.grid_of(field))
     text = (tmp_path / "lines.svg").read_text()
     assert text.count("<g ") == 2
-    assert text.count("Z") == 2
+    assert text.count("Z") == 3
 
 
 def test_geopackage_of_lines_keeps_the_reference_system(terrain, tmp_path):
@@ -268,5 +269,11 @@ def test_pictures_of_no_cell_and_no_band_are_empty():
     net = jnp.asarray(np.repeat(np.repeat(values, 3, 0), 3, 1)[1:-1, 1:-1])
     field = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
     bands = field.filled([-np.inf, 0.5, np.inf])
-    plot.contour_figure(field, [0.5]).draw_without_rendering()
-    plot.contour_figure(field, [0.5], bands=bands).draw_without_rendering()
+    assert all(band.area == 0 for band in bands)
+    for figure in (
+        plot.contour_figure(field, [0.5]),
+        plot.contour_figure(field, [0.5], bands=bands),
+    ):
+        figure.draw_without_rendering()
+        drawn = [path for each in figure.axes[0].collections for path in each.get_paths()]
+        assert not sum(len(path.vertices) for path in drawn)

@@ -232,6 +232,17 @@ def test_scale_of_the_values(scale):
 
 
 @BOTH
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_scale_of_noisy_values_continued_beyond_the_border(scale, rng):
+    values = np.float32(samples_of("ridge", FLAT)) + np.float32(rng.normal(0, 0.1, FLAT.shape))
+    nets = [
+        net_of(np.float32(s) * values, cf.GlobalFairing(sigma=0.1 * s, border_degree=2)) / s
+        for s in (1.0, scale)
+    ]
+    assert_close(*nets, 1e-3)
+
+
+@BOTH
 def test_constants_and_one_outlier():
     constant = net_of(np.full(FLAT.shape, 3.7, np.float32), cf.GlobalFairing())
     np.testing.assert_array_equal(constant, np.float32(3.7))

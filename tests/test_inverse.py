@@ -62,9 +62,7 @@ def dense_solution(problem):
     size = int(np.prod(SHAPE))
 
     def residuals(samples):
-        parts = problem.residuals(
-            problem.coordinates.unknowns(samples.reshape(SHAPE) - problem.centre)
-        )
+        parts = problem.residuals(problem.unknowns(samples.reshape(SHAPE)))
         return jnp.concatenate([part.ravel() for part in parts])
 
     zero = jnp.zeros(size)
@@ -304,6 +302,33 @@ def test_thin_plate_is_the_sum_of_squared_second_differences():
     slopes = np.sum((np.diff(values, axis=0) / 2) ** 2) + np.sum(np.diff(values, axis=1) ** 2)
     expected = np.sum(xx**2) + np.sum(yy**2) + 2 * np.sum(xy**2) + 0.3 * slopes
     assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_scale_of_the_data(scale, rng):
+    points = rng.uniform(0, 7, (60, 2)).astype(np.float32)
+    samples = [
+        fit_samples(
+            Values(points, s * points.sum(1), 0.01 * s),
+            (8, 8),
+            method=cf.LocalFairing(iterations=0),
+            dtype="float32",
+        ).samples.astype(float)
+        / s
+        for s in (1.0, scale)
+    ]
+    np.testing.assert_allclose(*samples, atol=1e-3)
+
+
+def test_the_derivative_in_the_tension_is_finite_at_zero():
+    values = jnp.asarray(np.random.default_rng(4).normal(size=(5, 6)))
+
+    def energy(tension):
+        return sum(jnp.sum(p**2) for p in ThinPlate(tension=tension).residuals(values, jnp.ones(2)))
+
+    assert jax.grad(energy)(0.0) == 0
+    slopes = [np.sum(np.diff(values, axis=k) ** 2) for k in (0, 1)]
+    assert jax.grad(energy)(0.3) == pytest.approx(sum(slopes))
 
 
 @SLOW

@@ -289,6 +289,8 @@ def test_c1_jump_is_rounding_when_fair_and_not_when_bilinear():
 def test_overshoot_of_missing_samples():
     field = BezierField(jnp.full((7, 7), jnp.nan), jnp.ones(2), jnp.zeros(2))
     assert metrics.overshoot(field) == 0
+    lonely = field.control_points.at[3, 3].set(1.0).at[6, 6].set(2.0)  # samples without a cell
+    assert metrics.overshoot(BezierField(lonely, jnp.ones(2), jnp.zeros(2))) == 0
 
 
 # Comparison --------------------------------------------------------------------------------

@@ -218,13 +218,18 @@ def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
         ({"source": np.zeros((2, 5))}, "at least 3 samples"),
         ({"source": np.zeros((4, 4), complex)}, "source must hold real numbers"),
         ({"factor": 0}, "factor must be an integer"),
-        ({"spacing": (1.0, -1.0)}, "spacing must be one number above zero"),
-        ({"spacing": (1.0, 1.0, 1.0)}, "spacing must be one number above zero"),
+        ({"spacing": (1.0, -1.0)}, "spacing must be finite and above zero"),
+        ({"spacing": 1e-46}, "spacing must be finite and above zero, in float32 too"),
+        ({"spacing": (1.0, 1.0, 1.0)}, "spacing must be one real number or 2 of them"),
         ({"dtype": "int32"}, "dtype must be float32 or float64"),
         ({"workers": 0}, "workers must be an integer"),
         ({"memory": 1000}, "memory must be at least"),
         ({"method": cf.GlobalFairing(sigma=0.1)}, "method.sigma looks at the whole grid"),
         ({"method": cf.GlobalFairing(norm=1.5)}, "method.norm below 2 weighs cells by the mean"),
+        (
+            {"method": cf.GlobalFairing(converge=0.01)},
+            "method.converge stops by the changes of the whole grid",
+        ),
         (
             {"method": cf.GlobalFairing(border_degree=4)},
             "method.border_degree continues every tile",
@@ -613,9 +618,9 @@ def four_devices(monkeypatch):
     monkeypatch.setenv("XLA_FLAGS", f"{flags} --xla_force_host_platform_device_count=4")
 
 
-def on_mesh(tmp_path, samples, what):
+def on_mesh(tmp_path, samples, what, *more):
     np.save(tmp_path / "samples.npy", samples)
-    command = [sys.executable, str(WORKER), "mesh", str(tmp_path / "samples.npy"), what]
+    command = [sys.executable, str(WORKER), what, str(tmp_path / "samples.npy"), *more]
     done = subprocess.run(command, capture_output=True, text=True, timeout=250, env=environment())
     assert done.returncode == 0, done.stderr
     return [float(text) for text in done.stdout.split()]
@@ -623,15 +628,20 @@ def on_mesh(tmp_path, samples, what):
 
 @pytest.mark.slow
 def test_four_devices_agree_with_one(tmp_path, samples, four_devices):
-    devices, from_tiles, from_whole = on_mesh(tmp_path, samples, "values")
+    devices, from_tiles, from_whole = on_mesh(tmp_path, samples, "mesh", "values")
     assert devices == 4
     assert from_tiles == 0
     assert from_whole < 1e-13
 
 
 @pytest.mark.slow
+def test_explicit_axes_are_as_good(tmp_path, samples, four_devices):
+    assert on_mesh(tmp_path, samples, "explicit") == [4, 0, 4, 0]
+
+
+@pytest.mark.slow
 def test_gradient_from_four_devices(tmp_path, samples, four_devices):
-    assert on_mesh(tmp_path, samples, "gradient")[0] < 1e-11
+    assert on_mesh(tmp_path, samples, "mesh", "gradient")[0] < 1e-11
 
 
 @pytest.mark.slow

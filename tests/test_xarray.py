@@ -167,6 +167,26 @@ def test_interp_takes_what_xarray_takes():
     assert with_time.fair.interp(along).dims == ("time", "point")
 
 
+def test_interp_leaves_what_it_was_given():
+    wanted = xr.DataArray([41.0, 50.0], dims="point", attrs={"source": "mine"})
+    ours, theirs = field().fair.interp(lat=wanted), field().interp(lat=wanted)
+    assert ours.lat.attrs == theirs.lat.attrs == {"source": "mine"}
+    assert wanted.attrs == {"source": "mine"}
+
+
+def test_interp_on_long_axes_keeps_the_digits_of_its_points():
+    count = 40_000
+    waves = xr.DataArray(
+        np.sin(np.arange(count) / 2, dtype=np.float32) * np.ones((3, 1), np.float32),
+        {"y": np.arange(3.0), "x": np.arange(float(count))},
+    )
+    late, early = (waves.isel(x=slice(first, first + 40)) for first in (count - 40, 0))
+    at = count - 20 + 0.3
+    ours = waves.fair.interp(y=1.0, x=at).item()
+    assert ours == pytest.approx(late.fair.interp(y=1.0, x=at).item(), abs=1e-5)
+    assert early.fair.interp(y=1.0, x=at).isnull()
+
+
 def test_interp_outside_follows_the_rule():
     array = field()
     assert np.isnan(array.fair.interp(lat=70.0, lon=0.0))

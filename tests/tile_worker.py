@@ -8,7 +8,7 @@ import time
 
 import jax
 import numpy as np
-from jax.sharding import Mesh
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import contourfair_jax as cf
 from contourfair_jax import _tile_program, tiles
@@ -56,6 +56,17 @@ def mesh(path, what):
     print(float(np.abs(np.asarray(ours) - np.asarray(theirs)).max()))
 
 
+def explicit(path):
+    """The same with the axes of `jax.make_mesh`, of samples divided along them and not."""
+    values = np.load(path)[:30]
+    grid = jax.make_mesh((2, 2), ("rows", "columns"))
+    divided = jax.device_put(values, NamedSharding(grid, PartitionSpec("rows", "columns")))
+    tiled = from_tiles(values)
+    for given in (values, divided):
+        fine = tiles.refine_sharded(given, 2, grid, method=METHOD)
+        print(len(fine.sharding.device_set), float(np.abs(np.asarray(fine) - tiled).max()))
+
+
 def from_tiles(values):
     """The same, from one device after the other."""
     tiled = np.zeros([2 * n - 1 for n in values.shape])
@@ -80,4 +91,4 @@ def pair(path, port, number):
 
 if __name__ == "__main__":
     _tile_program._OVERLAPS.update(SMALL)
-    {"refine": refine, "mesh": mesh, "pair": pair}[sys.argv[1]](*sys.argv[2:])
+    {"refine": refine, "mesh": mesh, "explicit": explicit, "pair": pair}[sys.argv[1]](*sys.argv[2:])

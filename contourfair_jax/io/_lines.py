@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,8 @@ def write_svg(
     height, width = (h * (n - 1) for h, n in zip(grid.spacing, grid.shape, strict=True))
     scale = _SVG_SIZE / max(height, width)
     body = []
-    groups = [(level, list(pieces)) for level, pieces in groupby(lines, lambda line: line.level)]
+    by_level = attrgetter("level")
+    groups = [(level, list(same)) for level, same in groupby(sorted(lines, key=by_level), by_level)]
     if len(colors) < len(groups):
         raise InputError(f"{len(groups)} levels need as many colours, got {len(colors)}")
     for (level, pieces), color in zip(groups, colors, strict=False):

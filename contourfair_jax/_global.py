@@ -35,6 +35,9 @@ from ._normals import LARGEST_COHERENCE, normal_weights
 from ._renewals import Info, State, converge, renew
 from ._reweight import Powers, power_weights, weighs_cells
 
+# Of a thin plate to noisy samples, whose springs are renewed although its normals are not.
+SPRING_ITERATIONS = 3
+
 
 class GlobalFairing(AbstractFairing):
     """Global fairing: the most accurate reconstruction, and the one for holes.
@@ -51,7 +54,8 @@ class GlobalFairing(AbstractFairing):
     thin_plate_weight : float
         The weight w of the thin plate energy, in (0, 1].  Smaller is fairer, and slower.
     iterations : int
-        How often the normals are renewed after the first, thin plate fit; 0 is thin plate alone.
+        How often the normals are renewed after the first, thin plate fit; 0 is thin plate alone,
+        which with `sigma` takes as many fits as 3, since its springs to the samples are renewed.
     coherence : float
         Width of the Gaussian that averages the normal tensors, in cells, 0 to 2.5.
     sharpness : int
@@ -75,8 +79,10 @@ class GlobalFairing(AbstractFairing):
     sigma : float or array, shape (n_1, ..., n_d), or None
         Standard deviation of the noise of the samples, in their units.  The field then passes
         near the samples instead of through them: `sum(((f - a) / sigma)^2)` tends to the number
-        of samples less the degrees of freedom with which the field follows their noise.  For data
-        rounded to multiples of s sigma is `s / sqrt(12)`; `tune(values, noisy=True)` finds it.
+        of samples less the degrees of freedom with which the field follows their noise.  These are
+        estimated with random signs, so that the turned samples of a small grid give a field that
+        differs by some hundredths of sigma.  For data rounded to multiples of s sigma is
+        `s / sqrt(12)`; `tune(values, noisy=True)` finds it.
     cell_weights : array, shape (n_1 - 1, ..., n_d - 1), or None
         Weight of the energy in every cell, above zero.
     border_degree : int
@@ -177,6 +183,9 @@ class GlobalFairing(AbstractFairing):
 
     def _fit(self, values: Array, spacing: Array, layers: int = 0) -> tuple[Array, FitReport]:
         """`fit` with the energy free at the border; some layers of samples are continued ones."""
+        if self.sigma is not None and self.iterations == 0:
+            plate = {"thin_plate_weight": 1.0, "norm": None, "iterations": SPRING_ITERATIONS}
+            return dataclasses.replace(self, **plate)._fit(values, spacing, layers)
         shape, ndim = values.shape, values.ndim
         spacing = spacing / jnp.min(spacing)
         missing = jnp.isnan(values)

@@ -67,5 +67,8 @@ def each_member(samples: Any, ndim: int, refine: Any) -> Any:
     import dask.array as da
 
     batch = samples.shape[: samples.ndim - ndim]
+    if 0 in batch:
+        like = refine(da.zeros(samples.shape[len(batch) :], samples.dtype))
+        return da.zeros((*batch, *like.shape), like.dtype)
     made = [refine(samples[index]) for index in itertools.product(*map(range, batch))]
     return da.stack(made).reshape(*batch, *made[0].shape) if batch else made[0]

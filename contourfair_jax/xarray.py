@@ -4,6 +4,7 @@ Importing this module registers it.  Names, coordinates and attributes are kept;
 of the array, in its own coordinates, whether they ascend or descend.
 """
 
+import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -113,6 +114,7 @@ class FairAccessor:
     ) -> xr.DataArray:
         """Values at new coordinates, given and combined as for `xarray.DataArray.interp`.
 
+        Other coordinates along the axes are left out.
         Numbers and arrays of one axis make a grid; arrays with common dimensions make points.  A
         dimension that is not named keeps its samples.
 
@@ -147,6 +149,9 @@ class FairAccessor:
         found = xr.DataArray(
             values, dims=(*batch, *spread[0].dims), name=array.name, attrs=array.attrs
         )
+        along = {axis.dim: target.dims for axis, target in zip(axes, targets, strict=True)}
+        order = [new for dim in self._array.dims for new in along.get(dim, (dim,))]
+        found = found.transpose(*dict.fromkeys(order))
         new = {each.name: each for each in targets if each.name in array.coords}
         return found.assign_coords({**untouched_coordinates(array, axes), **new})
 
@@ -207,9 +212,11 @@ def _of_each(
     """What `use` makes of the field of every member of the batch."""
     values = array.to_numpy()
     batch = values.shape[: values.ndim - len(axes)]
-    members = values.reshape(-1, *values.shape[len(batch) :])
-    made = [_with_field(member, axes, method, use) for member in members]
-    return np.stack(made).reshape((*batch, *made[0].shape))
+    members = values.reshape(math.prod(batch), *values.shape[len(batch) :])
+    # No members have a shape too, which that of one tells.
+    like = members if len(members) else np.zeros((1, *members.shape[1:]), values.dtype)
+    made = np.stack([_with_field(member, axes, method, use) for member in like])
+    return made[: len(members)].reshape((*batch, *made.shape[1:]))
 
 
 def _factors(factor: int | Mapping[Any, int], axes: tuple[Axis, ...]) -> tuple[int, ...]:

@@ -231,6 +231,14 @@ def test_scale_of_the_values(scale):
     assert_close(net, net_of(values, cf.GlobalFairing()), 1e-7)
 
 
+def test_noise_of_a_thin_plate_alone(rng):
+    values = rng.normal(size=(9, 8))
+    alone = cf.fair_field(values, method=cf.GlobalFairing(sigma=0.5, iterations=0))
+    plate = cf.GlobalFairing(sigma=0.5, thin_plate_weight=1.0)
+    assert_close(np.asarray(alone.control_points), net_of(values, plate), 1e-9)
+    assert np.std(alone.samples - values) > 0.2
+
+
 @BOTH
 @pytest.mark.parametrize("scale", [1e-30, 1e30])
 def test_scale_of_noisy_values_continued_beyond_the_border(scale, rng):

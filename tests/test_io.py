@@ -242,6 +242,16 @@ def test_png_is_as_deep_as_its_source(tmp_path, dtype):
     np.testing.assert_array_equal(read(tmp_path / "out.png").values, values)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_black_and_white_stay_that(tmp_path, suffix):
+    mask = np.add.outer(np.arange(24), np.arange(30)) > 25
+    Image.fromarray(mask).save(tmp_path / f"mask{suffix}")
+    grid = read(tmp_path / f"mask{suffix}")
+    np.testing.assert_array_equal(grid.values, 255 * mask)
+    write(tmp_path / "again.png", grid)
+    np.testing.assert_array_equal(Image.open(tmp_path / "again.png"), np.uint8(255) * mask)
+
+
 def test_png_clips_overshoot_and_says_so(tmp_path):
     values = terrain().astype(float)
     values[0, 0], values[0, 1] = -3.0, 300.0

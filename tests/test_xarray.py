@@ -187,6 +187,22 @@ def test_interp_on_long_axes_keeps_the_digits_of_its_points():
     assert early.fair.interp(y=1.0, x=at).isnull()
 
 
+def test_interp_keeps_the_order_of_the_dimensions():
+    array = field().expand_dims(time=3).transpose("lon", "time", "lat")
+    points = {dim: xr.DataArray(array[dim].values[:2], dims="point") for dim in ("lat", "lon")}
+    for request in ({"lat": [41.0, 50.0], "lon": [0.5, 1.0]}, {"lon": 0.5}, points):
+        assert array.fair.interp(request).dims == array.interp(request).dims
+
+
+@pytest.mark.parametrize("chunks", [None, {}])
+def test_no_members_of_a_batch_have_a_shape(chunks):
+    array = field().expand_dims(time=np.arange(0))
+    array = array if chunks is None else array.chunk(chunks)
+    assert array.fair.upsample(2).sizes == {"time": 0, "lat": 11, "lon": 17}
+    if chunks is None:
+        assert array.fair.interp(lat=[50.0]).sizes == {"time": 0, "lat": 1, "lon": 9}
+
+
 def test_interp_outside_follows_the_rule():
     array = field()
     assert np.isnan(array.fair.interp(lat=70.0, lon=0.0))

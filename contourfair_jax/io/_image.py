@@ -140,7 +140,8 @@ def _samples(
     """Grey values or those of one channel, mask of transparent pixels, notes."""
     deep = image.mode in ("I", "F") or image.mode.startswith("I;16")
     if deep or (image.mode in ("L", "1") and "transparency" not in image.info):
-        samples = numeric(np.asarray(image))
+        # Black and white are 0 and 255, so that they stay that in pictures that are written.
+        samples = numeric(np.asarray(image.convert("L") if image.mode == "1" else image))
         return samples.astype(np.int16) if _is_int16(image) else samples, None, ()
     colour = np.asarray(image.convert("RGBA"))
     transparent = colour[..., 3] == 0

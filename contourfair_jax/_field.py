@@ -14,7 +14,7 @@ from . import _check
 from ._bezier import cell_extreme, refine_axis
 from ._method import FitReport
 from ._precision import finest
-from ._queries import OUTSIDE, mean_curvature, partials
+from ._queries import OUTSIDE, full_hessian, mean_curvature, partials
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
@@ -47,7 +47,8 @@ class BezierField(eqx.Module):
     Points outside the grid follow the `outside` argument of each call: "nan" gives NaN, "clamp"
     moves the point to the nearest point of the grid (derivatives are those of the field there),
     "extend" continues the polynomials of the border cells.  A cell with NaN among its net points is
-    NaN; a point with a NaN coordinate is NaN.
+    NaN, and a point on a face is in the cell above: next to missing samples `samples` and `refine`
+    have values that a call at the same place may not have.  A point with a NaN coordinate is NaN.
 
     Points that are NumPy arrays or lists are placed in the grid in float64, whatever JAX computes
     in: coordinates of maps have more digits than float32.  That needs spacing and origin that are
@@ -164,11 +165,7 @@ class BezierField(eqx.Module):
             As for a call of the field.
         """
         value, gradient, second = self._derivatives(points, outside, 2)
-        rows, columns = jnp.triu_indices(self.ndim)
-        place = jnp.zeros((self.ndim, self.ndim), dtype=int)
-        place = place.at[rows, columns].set(jnp.arange(len(rows)))
-        place = jnp.maximum(place, place.T)
-        return value[..., 0], gradient, second[..., place]
+        return value[..., 0], gradient, full_hessian(second, self.ndim)
 
     def mean_curvature(
         self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"

@@ -9,6 +9,7 @@ from . import _check
 from ._bezier import is_flat
 from ._field import BezierField
 from ._precision import finest, from_origin
+from ._sided import SidedField
 
 # Longest step of a projection, in cells: points stay near where they were found.
 LONGEST_STEP = 0.5
@@ -37,8 +38,8 @@ def level_points(
     -------
     array, shape (..., ndim)
         On the level set.  Changes of the field and the level move them along the gradient, points
-        on the border of the grid along the border; changes of the points given move them along the
-        level set.  A point that is NaN stays NaN.
+        on the border of the grid, or of cells without values, along that; changes of the points
+        given move them along the level set.  A point that is NaN stays NaN.
 
     Raises
     ------
@@ -59,14 +60,9 @@ def level_points(
     """
     _check.check_count(steps, 0, "steps")
     relative = places_of(field, points)
-    placed, origin = finest(project(centred(field), relative, level, steps), field.origin)
+    found = project(SidedField.of(field, relative), relative, level, steps)
+    placed, origin = finest(found, field.origin)
     return placed + jnp.broadcast_to(origin, placed.shape)
-
-
-def centred(field: BezierField) -> BezierField:
-    """The field with its first sample at zero, without its report: a pytree of numbers."""
-    spacing = jnp.asarray(field.spacing, field.dtype)
-    return BezierField(field.control_points, spacing, jnp.zeros_like(spacing))
 
 
 def places_of(field: BezierField, points: ArrayLike) -> Float[Array, "*batch ndim"]:
@@ -75,13 +71,13 @@ def places_of(field: BezierField, points: ArrayLike) -> Float[Array, "*batch ndi
 
 
 def project(
-    field: BezierField, points: Float[Array, "*batch ndim"], level: ArrayLike, steps: int = 2
+    field: SidedField, points: Float[Array, "*batch ndim"], level: ArrayLike, steps: int = 2
 ) -> Float[Array, "*batch ndim"]:
-    """`level_points` of a field that is `centred`."""
-    level = jnp.broadcast_to(jnp.asarray(level, field.dtype), points.shape[:-1])
+    """`level_points` of points counted from the first sample."""
+    level = jnp.broadcast_to(jnp.asarray(level, points.dtype), points.shape[:-1])
     start = points
     for _ in range(steps):
-        value, step = field(points, "extend"), _across(field, points)
+        value, step = _value_and_across(field, points)
         step = (level - value)[..., None] * step
         cells = jnp.abs(step) / jnp.broadcast_to(field.spacing, step.shape)
         size = jnp.max(cells, axis=-1, keepdims=True)
@@ -90,7 +86,7 @@ def project(
 
 
 @jax.custom_jvp
-def _tied(field: BezierField, points: Array, level: Array) -> Array:
+def _tied(field: SidedField, points: Array, level: Array) -> Array:
     """Points of the level set with the derivatives of the implicit function theorem."""
     return points
 
@@ -102,33 +98,26 @@ def _tied_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     # Tied again, so that derivatives of the derivative follow the level set as well.
     points = _tied(field, points, level)
     known = jnp.all(jnp.isfinite(points), axis=-1, keepdims=True)
-    places = jnp.where(known, points, jnp.broadcast_to(field.origin, points.shape))
-    _, value_dot = jax.jvp(lambda f, p: f(p, "extend"), (field, places), (field_dot, points_dot))
-    across = jnp.where(known, _across(field, places), 0)
+    places = jnp.where(known, points, 0)
+    _, value_dot = jax.jvp(
+        lambda f, p: f.value_and_gradient(p)[0], (field, places), (field_dot, points_dot)
+    )
+    across = jnp.where(known, _value_and_across(field, places)[1], 0)
     return points, points_dot + (level_dot - value_dot)[..., None] * across
 
 
-def _across(field: BezierField, points: Array) -> Array:
-    """g / |g|^2, or zero where the gradient vanishes; on the border g is that along it."""
-    value, gradient = field.value_and_gradient(points, "extend")
-    flat = is_flat(value, gradient, jnp.asarray(field.spacing, value.dtype))[..., None]
+def _value_and_across(field: SidedField, points: Array) -> tuple[Array, Array]:
+    """Values, and g / |g|^2, or zero where the gradient vanishes; at ends g is that along them."""
+    value, gradient = field.value_and_gradient(points)
+    flat = is_flat(value, gradient, field.spacing)[..., None]
     # Squares of a gradient that is far from 1 would leave the range of float32.
     size = jnp.where(flat, 1, jnp.max(jnp.abs(gradient), axis=-1, keepdims=True))
     unit = gradient / jax.lax.stop_gradient(size)
-    along = jnp.where(_at_border(field, points), 0, unit)
+    along = jnp.where(field.ends, 0, unit)
     whole, kept = (jnp.sum(g * g, axis=-1, keepdims=True) for g in (unit, along))
-    # A level set that runs along the border can only move off it.
+    # A level set that runs along an end can only move off it.
     unit, squared = (
         jnp.where(kept > LEAST_ALONG * whole, *pair) for pair in ((along, unit), (kept, whole))
     )
-    return jnp.where(flat, 0, unit / jnp.where(flat, 1, squared) / jax.lax.stop_gradient(size))
-
-
-def _at_border(field: BezierField, points: Array) -> Array:
-    """Along which axes a point lies at an end of the grid, up to rounding."""
-    last = jnp.asarray(field.shape, field.dtype) - 1
-    spacing, origin, last = (
-        jnp.broadcast_to(x, points.shape) for x in (field.spacing, field.origin, last)
-    )
-    grid = jax.lax.stop_gradient((points - origin) / spacing)
-    return jnp.minimum(jnp.abs(grid), jnp.abs(grid - last)) <= 8 * jnp.finfo(grid.dtype).eps * last
+    across = unit / jnp.where(flat, 1, squared) / jax.lax.stop_gradient(size)
+    return value, jnp.where(flat, 0, across)

@@ -5,7 +5,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._bezier import is_flat
 from ._jets import jets
@@ -21,17 +21,23 @@ def partials(
     points: Float[Array | np.ndarray, "*batch ndim"],
     outside: str,
     order: int,
+    cells: Int[Array, "*batch ndim"] | None = None,
 ) -> list[Float[Array, "*batch derivatives"]]:
-    """Partial derivatives of orders 0 to `order`."""
-    grid, cells, slack = _grid_coordinates(net, spacing, origin, points)
-    inside = jnp.all((grid >= -slack) & (grid <= cells + slack), axis=-1, keepdims=True)
+    """Partial derivatives of orders 0 to `order`.
+
+    In the cells that are given, where they are not negative: on faces they could be others.
+    """
+    grid, counts, slack = _grid_coordinates(net, spacing, origin, points)
+    inside = jnp.all((grid >= -slack) & (grid <= counts + slack), axis=-1, keepdims=True)
     # A NaN within would spoil derivatives of results that do not depend on it.
     nowhere = jnp.any(jnp.isnan(grid), axis=-1, keepdims=True)
     grid = jnp.where(nowhere, 0, grid)
     if outside == "clamp":
         # Not `clip`, which passes on half of a derivative at the limits.
-        grid = jnp.where(grid < 0, 0, jnp.where(grid > cells, cells, grid))
-    cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, cells - 1)
+        grid = jnp.where(grid < 0, 0, jnp.where(grid > counts, counts, grid))
+    cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(grid)), 0, counts - 1)
+    if cells is not None:
+        cell = jnp.where(cells < 0, cell, cells.astype(cell.dtype))
     local = cell.astype(jnp.int32), (grid - cell).astype(net.dtype)
     results = jets(net, *(x.reshape(-1, net.ndim) for x in local), order)
     lengths = jnp.asarray(spacing, net.dtype)
@@ -42,6 +48,16 @@ def partials(
         hidden = ~inside if outside == "nan" else nowhere
         scaled.append(jnp.where(hidden, jnp.nan, values))
     return scaled
+
+
+def full_hessian(
+    second: Float[Array, "*batch derivatives"], ndim: int
+) -> Float[Array, "*batch ndim ndim"]:
+    """The symmetric matrix of the second derivatives along axes a <= b."""
+    rows, columns = np.triu_indices(ndim)
+    place = np.zeros((ndim, ndim), dtype=int)
+    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
+    return second[..., place]
 
 
 def mean_curvature(

@@ -28,8 +28,9 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._field import BezierField
-from ._level_points import centred, places_of, project
 from ._level_points import level_points as level_points
+from ._level_points import places_of, project
+from ._sided import SidedField
 from .io import ContourLine
 
 
@@ -64,7 +65,7 @@ def length(
     >>> jax.grad(lambda samples: geometry.length(fair(samples), lines))(hill).shape
     (9, 9)
     """
-    points, follows = _tied_lines(field, lines, level)
+    points, follows, _ = _tied_lines(field, lines, level)
     return jnp.sum(_norm(points[follows] - points[:-1]))
 
 
@@ -86,7 +87,7 @@ def area(
             f"lines must be closed to enclose an area, got {count} that end at the border or at "
             "missing samples; leave them out, or pad the samples so that they close"
         )
-    points, follows = _tied_lines(field, lines, level)
+    points, follows, _ = _tied_lines(field, lines, level)
     # About the middle of the points: rounding does not grow with the distance to the origin.
     points = points - jax.lax.stop_gradient(jnp.mean(points, axis=0, keepdims=True))
     after = points[follows]
@@ -101,15 +102,15 @@ def bending(
     With the curvature of the field's level set at the points.  Parameters and Raises as for
     `length`.
     """
-    points, follows = _tied_lines(field, lines, level)
-    squared = centred(field).mean_curvature(points, "extend") ** 2
+    points, follows, sided = _tied_lines(field, lines, level)
+    squared = sided.mean_curvature(points) ** 2
     return jnp.sum((squared[:-1] + squared[follows]) / 2 * _norm(points[follows] - points[:-1]))
 
 
 def _tied_lines(
     field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None
-) -> tuple[Float[Array, "points 2"], np.ndarray]:
-    """All points of all lines, and of every one but the last which follows (itself at ends).
+) -> tuple[Float[Array, "points 2"], np.ndarray, SidedField]:
+    """All points of all lines, of every one but the last which follows (itself at ends), the field.
 
     Points are counted from the origin of the field, here and below.
     """
@@ -121,8 +122,9 @@ def _tied_lines(
     levels = np.repeat([line.level for line in lines], sizes) if level is None else level
     follows = np.arange(1, sizes.sum() + 1)
     follows[np.cumsum(sizes) - 1] -= 1
-    points = np.concatenate([line.points for line in lines])
-    return project(centred(field), places_of(field, points), levels), follows[:-1]
+    places = places_of(field, np.concatenate([line.points for line in lines]))
+    sided = SidedField.of(field, places)
+    return project(sided, places, levels), follows[:-1], sided
 
 
 def surface_area(
@@ -145,7 +147,7 @@ def surface_area(
     ValueError
         For a field that is not 3-D, or triangles that are not (m, 3) or name other vertices.
     """
-    _, _, normals = _tied_mesh(field, vertices, triangles, level)
+    _, _, normals, _ = _tied_mesh(field, vertices, triangles, level)
     return jnp.sum(_norm(normals)) / 2
 
 
@@ -172,7 +174,7 @@ def volume(
     >>> def loss(samples, vertices, triangles):
     ...     return geometry.volume(cf.fair_field(samples), vertices, triangles, 0.5)
     """
-    points, triangles, normals = _tied_mesh(field, vertices, triangles, level)
+    points, triangles, normals, _ = _tied_mesh(field, vertices, triangles, level)
     _check_closed(triangles)
     points = points - jax.lax.stop_gradient(jnp.mean(points, axis=0, keepdims=True))
     centres = jnp.mean(points[triangles], axis=1)
@@ -187,15 +189,15 @@ def willmore(
     With the curvature of the field's level set at the vertices.  Parameters and Raises as for
     `surface_area`.
     """
-    points, triangles, normals = _tied_mesh(field, vertices, triangles, level)
-    squared = centred(field).mean_curvature(points, "extend") ** 2
+    points, triangles, normals, sided = _tied_mesh(field, vertices, triangles, level)
+    squared = sided.mean_curvature(points) ** 2
     return jnp.sum(jnp.mean(squared[triangles], axis=1) * _norm(normals)) / 2
 
 
 def _tied_mesh(
     field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
-) -> tuple[Float[Array, "n 3"], np.ndarray, Float[Array, "m 3"]]:
-    """Vertices, triangles, and normals of twice their area, away from what is above the level."""
+) -> tuple[Float[Array, "n 3"], np.ndarray, Float[Array, "m 3"], SidedField]:
+    """Vertices, triangles, normals of twice their area away from what is above the level; field."""
     if field.ndim != 3:
         raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D")
     corners, places = np.asarray(triangles), places_of(field, vertices)
@@ -206,13 +208,14 @@ def _tied_mesh(
         raise ValueError(f"triangles must be whole numbers of vertices, got {corners.dtype}")
     if corners.min() < 0 or corners.max() >= count:
         raise ValueError(f"triangles must be numbers of the {count} vertices, got others")
-    field = centred(field)
-    points = project(field, places, level)
+    sided = SidedField.of(field, places)
+    points = project(sided, places, level)
     first, second, third = (points[corners[:, k]] for k in range(3))
     normals = jnp.cross(second - first, third - first)
-    downhill = -field.gradient(jax.lax.stop_gradient((first + second + third) / 3), "extend")
-    side = jnp.sign(jax.lax.stop_gradient(jnp.sum(normals * downhill)))
-    return points, corners, side * normals
+    middles = jax.lax.stop_gradient((first + second + third) / 3)
+    _, uphill = SidedField.of(field, middles).value_and_gradient(middles)
+    side = jnp.sign(jax.lax.stop_gradient(-jnp.sum(normals * uphill)))
+    return points, corners, side * normals, sided
 
 
 def _check_closed(triangles: np.ndarray) -> None:

@@ -217,6 +217,56 @@ def test_flat_places_and_missing_points():
 
 
 @pytest.mark.slow
+@pytest.mark.both_precisions
+@pytest.mark.parametrize("gap", [(3, 5), (4, 2), (6, 6), (0, 4)])
+def test_contours_that_end_at_missing_samples(gap, rng, x64):
+    """Whichever side of the cells without values they end on."""
+    samples = jnp.asarray(hill(2, 9), float if x64 else np.float32).at[gap].set(jnp.nan)
+
+    def fair(samples):
+        return cf.fair_field(samples, spacing=SPACING, method=cf.LocalFairing(iterations=0))
+
+    field = fair(samples)
+    lines = field.contours(LEVEL, tolerance=1e-5)
+    assert any(not line.closed for line in lines)
+    host = sum(np.linalg.norm(np.diff(line.points, axis=0), axis=1).sum() for line in lines)
+    assert geometry.length(field, lines) == pytest.approx(host, rel=1e-4)
+    whole = fair(jnp.asarray(hill(2, 9), samples.dtype))
+    assert (
+        0
+        < geometry.bending(field, lines)
+        < 1.2 * geometry.bending(whole, whole.contours(LEVEL, tolerance=1e-5))
+    )
+    points = np.concatenate([line.points for line in lines])
+    placed = geometry.level_points(field, points, LEVEL)
+    np.testing.assert_allclose(placed, points, atol=1e-4 if x64 else 1e-3)
+    if not x64:
+        return
+    change, step = jnp.asarray(rng.normal(size=(9, 9))), 1e-3
+    slope = jnp.vdot(
+        change, jnp.nan_to_num(jax.grad(lambda s: geometry.length(fair(s), lines))(samples))
+    )
+    lengths = []
+    for sign in (1, -1):
+        near = fair(samples + sign * step * change).contours(LEVEL, tolerance=1e-5)
+        lengths.append(
+            sum(np.linalg.norm(np.diff(each.points, axis=0), axis=1).sum() for each in near)
+        )
+    assert slope == pytest.approx((lengths[0] - lengths[1]) / (2 * step), rel=0.02, abs=1e-3)
+
+
+@pytest.mark.both_precisions
+@pytest.mark.parametrize("gap", [(2, 5, 3), (6, 3, 4)])
+def test_surfaces_that_end_at_missing_samples(gap, x64):
+    samples = jnp.asarray(hill(3, 9), float if x64 else np.float32).at[gap].set(jnp.nan)
+    field = cf.fair_field(samples, spacing=SPACING, method=cf.LocalFairing(iterations=0))
+    mesh = field.isosurface(LEVEL)
+    assert not mesh.watertight
+    found = geometry.surface_area(field, mesh.vertices, mesh.triangles, LEVEL)
+    assert found == pytest.approx(mesh.area, rel=1e-4)
+    assert 0 < geometry.willmore(field, mesh.vertices, mesh.triangles, LEVEL) < 4 * np.pi
+
+
 def test_derivative_of_an_area_in_the_samples(rng):
     """Through the fairing: to every sample, and to the spacing."""
     samples, direction = hill(2, 9), rng.normal(size=(9, 9))

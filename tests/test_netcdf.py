@@ -394,6 +394,36 @@ def test_an_array_of_four_axes_without_names_has_the_spatial_ones_last(tmp_path)
     assert read_outline(tmp_path / "a.zarr", None)[0].axes == ("axis0", "z", "y", "x")
 
 
+@pytest.mark.parametrize("version", [2, 3])
+def test_arrays_of_groups_whose_axes_have_no_names(tmp_path, version):
+    path = tmp_path / "a.zarr"
+    group = zarr.open_group(path, mode="w", zarr_format=version)
+    group.create_array("dem", data=samples(shape=(4, 5)))
+    np.testing.assert_array_equal(read(path).values, samples(shape=(4, 5)))
+    group.create_group("0").create_array("scan", data=samples(shape=(3, 4, 5)))
+    with pytest.raises(InputError, match=r"holds 2 fields, choose one with a key: .*0/scan"):
+        read(path)
+    with pytest.raises(InputError, match=r"holds no array 'a'; it has .*0/scan"):
+        read(path, "a")
+    np.testing.assert_array_equal(read(path, "dem").values, samples(shape=(4, 5)))
+    np.testing.assert_array_equal(read(path, "0/scan").values, samples(shape=(3, 4, 5)))
+    np.testing.assert_array_equal(read(path, "0/scan,z=1").values, samples(shape=(3, 4, 5))[1])
+    outline, array = read_outline(path, "0/scan")
+    assert outline.axes == ("z", "y", "x")
+    np.testing.assert_array_equal(array[1:2], samples(shape=(3, 4, 5))[1:2])
+
+
+def test_groups_in_groups_keep_their_coordinates(tmp_path):
+    path, data = tmp_path / "a.zarr", field(units="K")
+    (data + 1).to_dataset(name="t").to_zarr(path, consolidated=False)
+    data.to_dataset(name="t").to_zarr(path, group="coarse/2", consolidated=False)
+    grid = read(path, "coarse/2/t")
+    np.testing.assert_array_equal(grid.values, data)
+    np.testing.assert_array_equal(grid.affine, read(path).affine)
+    np.testing.assert_array_equal(read(path, "coarse/2/t,lat=1:4").values, data[1:4])
+    assert not np.array_equal(read(path).values, data)
+
+
 @pytest.mark.parametrize("consolidated", [True, False])
 def test_a_group_of_version_2(tmp_path, consolidated):
     data = field(units="K")

@@ -1,11 +1,11 @@
-"""Zarr folders, versions 3 and 2: a group as xarray writes it, or a plain array."""
+"""Zarr folders, versions 3 and 2: groups as xarray writes them, groups in groups, plain arrays."""
 
 import math
 import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -41,13 +41,24 @@ _CODECS = frozenset(
 )
 
 
+class _Found(NamedTuple):
+    """What a key chooses: an array that says nothing of its axes, or else a group as xarray has it.
+
+    `key` is what of the key is left for the array or the group, `path` where the group is.
+    """
+
+    array: zarr.Array | None
+    path: Path
+    key: str | None
+
+
 def read(path: Path, key: str | None) -> Grid:
     """A variable of a group, or the array."""
-    try:
-        array = zarr.open_array(path, mode="r")
-    except _NO_ARRAY:
-        return _read_group(path, key)
-    return _read_array(array, key)
+    found = _find(path, key)
+    if found.array is not None:
+        return _read_array(found.array, found.key)
+    with _open_group(found.path) as data:
+        return grid_from_dataset(data, found.key)
 
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
@@ -73,9 +84,8 @@ def consolidate(path: Path) -> None:
 
 def read_outline(path: Path, key: str | None) -> tuple[Grid, Any]:
     """A grid without its samples, and an array of these that reads what is sliced."""
-    try:
-        array = zarr.open_array(path, mode="r")
-    except _NO_ARRAY:
+    array, path, key = _find(path, key)
+    if array is None:
         data = _open_group(path)
         chosen = choose_array(data, key)
         return outline_from_dataset(data, chosen), chosen
@@ -100,26 +110,60 @@ def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict
     return data.drop_vars([name]), str(name), tuple(map(str, variable.dims)), attributes
 
 
-def _read_group(path: Path, key: str | None) -> Grid:
-    with _open_group(path) as data:
-        return grid_from_dataset(data, key)
+def _find(path: Path, key: str | None) -> _Found:
+    """The array or group that a key such as ``NAME,time=3`` or ``GROUP/NAME`` chooses from."""
+    try:
+        return _Found(zarr.open_array(path, mode="r"), path, key)
+    except _NO_ARRAY:
+        group = zarr.open_group(path, mode="r", use_consolidated=False)
+    first, _, parts = (key or "").partition(",")
+    name, rest = ("", key) if "=" in first else (first.strip("/ "), parts or None)
+    known = {each: array for each, array in group.members(None) if isinstance(array, zarr.Array)}
+    if name and name not in known:
+        listed = ", ".join(each for each, array in known.items() if array.ndim >= 2)
+        raise InputError(f"holds no array {name!r}; it has {listed or 'none'}")
+    here = {each: array for each, array in known.items() if "/" not in each}
+    if not name:
+        fields = {each: array for each, array in known.items() if _is_field(array)}
+        labelled = [each for each in here if each in fields and not _is_plain(here[each])]
+        if not labelled and len(fields) == 1:
+            name = next(iter(fields))
+        elif not labelled and fields:
+            listed = ", ".join(fields)
+            raise InputError(f"holds {len(fields)} fields, choose one with a key: {listed}")
+        else:
+            return _Found(None, path, key)
+    if _is_plain(known[name]):
+        return _Found(known[name], path, rest)
+    inner, _, last = name.rpartition("/")
+    return _Found(None, path / inner, last + (f",{rest}" if rest else ""))
+
+
+def _is_field(array: zarr.Array) -> bool:
+    return array.ndim >= 2 and array.dtype.kind in "biuf"
+
+
+def _is_plain(array: zarr.Array) -> bool:
+    """Whether the axes have no names, without which xarray does not open a group."""
+    named = getattr(array.metadata, "dimension_names", None) or array.attrs.get("_ARRAY_DIMENSIONS")
+    return array.ndim > 0 and not named
 
 
 def _open_group(path: Path) -> xr.Dataset:
     group = zarr.open_group(path, mode="r", use_consolidated=False)
-    texts = []
+    left_out = []
     for name, array in group.arrays():
-        if array.dtype.kind in "biufc":
-            _check_codecs(array)
+        if array.dtype.kind not in "biufc" or _is_plain(array):
+            left_out.append(name)
         else:
-            texts.append(name)
+            _check_codecs(array)
     return xr.open_zarr(
         path,
         consolidated=False,
         decode_times=False,
         decode_coords="all",
         chunks=None,
-        drop_variables=texts,
+        drop_variables=left_out,
     )
 
 

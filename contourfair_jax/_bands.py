@@ -6,6 +6,7 @@ import numpy as np
 
 from ._cells import cells_with_values
 from ._codes import Codes
+from ._display import Progress, untold
 from ._field import BezierField
 from ._fill import Filler, Polygon
 from ._lengths import signed_area
@@ -13,7 +14,7 @@ from ._level_notes import level_notes, unproved_note
 from ._link import link
 from ._members import Members
 from ._shift import distinct, values_of
-from ._tracing import Levels, Progress, check_levels, check_tolerance, host_arrays, trace
+from ._tracing import Levels, check_levels, check_tolerance, host_arrays, trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ def filled(
     levels: Levels,
     tolerance: float = 0.01,
     *,
-    progress: Progress | None = None,
+    progress: Progress = untold,
 ) -> Bands:
     """The bands between neighbouring levels of a 2-D field, as polygons.
 

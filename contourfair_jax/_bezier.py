@@ -2,6 +2,8 @@
 
 import functools
 import itertools
+from collections.abc import Callable
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +11,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._basis import bernstein
+
+Net = TypeVar("Net", Array, np.ndarray)
 
 
 def cubic_bernstein(t: Float[Array, " *batch"], order: int) -> Float[Array, "*batch 4"]:
@@ -64,10 +68,13 @@ def refine_axis(net: Float[Array, "..."], axis: int, factor: int) -> Float[Array
     return jnp.moveaxis(jnp.concatenate([inner, samples[-1:]]), 0, axis)
 
 
-def cell_extreme(net: Float[Array, "*net"], reduce) -> Float[Array, "*cells"]:
-    """Reduce the 4^d net points of every cell with `jnp.minimum` or `jnp.maximum`."""
+def cell_extreme(net: Net, reduce: Callable[[Net, Net], Net]) -> Net:
+    """The 4^d net points of every cell reduced to one, by the minimum or maximum of JAX or NumPy.
+
+    NaN spreads.
+    """
     for axis in range(net.ndim):
-        net = jnp.moveaxis(net, axis, 0)
-        parts = [net[:-1:3], net[1::3], net[2::3], net[3::3]]
-        net = jnp.moveaxis(functools.reduce(reduce, parts), 0, axis)
+        before = (slice(None),) * axis
+        parts = (net[*before, k : k - 3 or None : 3] for k in range(4))
+        net = functools.reduce(reduce, parts)
     return net

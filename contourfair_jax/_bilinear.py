@@ -45,12 +45,19 @@ class BilinearField:
 
 def refine_linearly(values: np.ndarray, factor: int) -> np.ndarray:
     """The multilinear interpolant on the finer grid, any dimension; NaN as in `BilinearField`."""
-    for axis, n in enumerate(values.shape):
-        at = np.arange(factor * (n - 1) + 1) / factor
-        cell = np.minimum(at.astype(int), max(n - 2, 0))
-        weight = np.expand_dims(at - cell, [k for k in range(values.ndim) if k != axis])
-        low, high = values.take(cell, axis), values.take(np.minimum(cell + 1, n - 1), axis)
-        # In this form a plateau stays one, to the last bit.
-        mixed = low + weight * (high - low)
-        values = np.where(weight == 0, low, np.where(weight == 1, high, mixed))
+    for axis in range(values.ndim):
+        values = refine_axis_linearly(values, axis, factor)
     return values
+
+
+def refine_axis_linearly(values: np.ndarray, axis: int, factor: int) -> np.ndarray:
+    """The same along one axis, in the precision of the values; these are kept exactly."""
+    n = values.shape[axis]
+    at = np.arange(factor * (n - 1) + 1) / factor
+    cell = np.minimum(at.astype(int), max(n - 2, 0))
+    weight = np.expand_dims(at - cell, [k for k in range(values.ndim) if k != axis])
+    weight = weight.astype(values.dtype)
+    low, high = values.take(cell, axis), values.take(np.minimum(cell + 1, n - 1), axis)
+    # In this form a plateau stays one, to the last bit.
+    mixed = low + weight * (high - low)
+    return np.where(weight == 0, low, np.where(weight == 1, high, mixed))

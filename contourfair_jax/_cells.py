@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._bezier import cell_extreme
+
 # Cells of the grid looked at in one go, and those with a level subdivided in one go: what is worked
 # on stays in the caches of the processor.
 _SCANNED = 1 << 17
@@ -70,7 +72,8 @@ def grid_cells(net: np.ndarray, levels: np.ndarray, middle: float) -> Iterator[C
     for start in range(0, rows, step):
         part = net[3 * start : 3 * min(start + step, rows) + 1]
         lower, upper = (
-            extreme(part, reduce).astype(np.float64) - middle for reduce in (np.minimum, np.maximum)
+            cell_extreme(part, reduce).astype(np.float64) - middle
+            for reduce in (np.minimum, np.maximum)
         )
         first, last = level_ranges(lower, upper, levels)
         i, j = np.nonzero(last > first)
@@ -94,16 +97,7 @@ def _gather(net: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
 
 def cells_with_values(net: np.ndarray) -> np.ndarray:
     """Which cells of a control net have finite points only."""
-    return np.isfinite(extreme(net, np.minimum)) & np.isfinite(extreme(net, np.maximum))
-
-
-def extreme(net: np.ndarray, reduce: np.ufunc) -> np.ndarray:
-    """The Bezier points of every cell reduced to one number, any dimension; NaN spreads."""
-    for axis in range(net.ndim):
-        p = np.moveaxis(net, axis, 0)
-        joined = reduce(reduce(p[:-1:3], p[1::3]), reduce(p[2::3], p[3::3]))
-        net = np.moveaxis(joined, 0, axis)
-    return net
+    return np.isfinite(cell_extreme(net, np.minimum)) & np.isfinite(cell_extreme(net, np.maximum))
 
 
 def halves(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

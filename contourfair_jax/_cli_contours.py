@@ -36,8 +36,8 @@ from ._steps import as_input, check_suffix, faired, levels_of, load
 from .io import write_svg
 
 if TYPE_CHECKING:
+    from ._display import Progress
     from ._field import BezierField
-    from ._tracing import Progress
     from .contours import Bands, Contours
     from .io import Grid
 

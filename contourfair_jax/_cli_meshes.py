@@ -70,7 +70,7 @@ def isosurface(
     check_fairable(grid, ndim=(3,))
     field = faired(grid, recipe, say)
     with precision(single), say.working("tracing the surface") as move, as_input():
-        mesh = trace(field, level, tolerance, move)
+        mesh = trace(field, level, tolerance, progress=move)
     for note in mesh.notes:
         say.note(note)
     with say.working(f"writing {target}"):
@@ -139,7 +139,7 @@ def adaptive(
     check_fairable(grid)
     field = faired(grid, recipe, say)
     with precision(single), say.working("refining") as move, as_input():
-        found = refine(field, tolerance, move)
+        found = refine(field, tolerance, progress=move)
     with say.working(f"writing {target}"):
         write_leaves(target, found, grid)
     if plot is not None:

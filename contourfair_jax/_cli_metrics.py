@@ -36,8 +36,8 @@ from ._steps import check_suffix, levels_of, load
 
 if TYPE_CHECKING:
     from ._changes import Change
+    from ._display import Progress
     from ._field import BezierField
-    from ._tracing import Progress
     from .io import Grid
 
 Step: TypeAlias = Callable[[], None]

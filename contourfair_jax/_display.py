@@ -1,11 +1,15 @@
 """A line on the terminal that tells how far a compiled search has come."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeAlias
 
 import jax
 from rich.console import Console
 from rich.status import Status
+
+# Called with how much is done, and how much there is to do.
+Progress: TypeAlias = Callable[[int, int], None]
 
 # The displays in use, innermost last: compiled programs call `tell`, and know of no display.
 _ACTIVE: list[Status] = []

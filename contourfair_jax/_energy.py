@@ -29,7 +29,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ._basis import full_axis, index_set
-from ._tables import block_entries, derivatives, function_tables, point_weights, product_tables
+from ._bezier import derivatives
+from ._tables import block_entries, function_tables, point_weights, product_tables
 from ._xla import materialise, matmul
 
 # Gradients below this fraction of the neighbourhood's spread count as flat: N fades to zero.

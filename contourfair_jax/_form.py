@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ._bezier import derivatives
 from ._hermite import corner_shifts, gather_corners, gram, scatter_corners
 from ._inverse import invert
-from ._tables import derivatives
 from ._working_set import working_set
 from ._xla import apart, materialise, matmul
 

@@ -12,8 +12,7 @@ import jax
 import numpy as np
 
 from ._basis import bernstein, bernstein_derivative
-from ._bezier import derivatives
-from ._cells import extreme
+from ._bezier import cell_extreme, derivatives
 from ._field import BezierField
 from ._method import is_traced
 
@@ -51,7 +50,7 @@ class HostField:
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Smallest and largest Bezier point of every cell; NaN where one is NaN."""
-        low, high = (extreme(self.net, reduce) for reduce in (np.minimum, np.maximum))
+        low, high = (cell_extreme(self.net, reduce) for reduce in (np.minimum, np.maximum))
         return low, high
 
     @cached_property

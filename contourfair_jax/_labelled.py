@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ._periodic import TURN, check_turn, margin_of, with_turns
+from ._bilinear import refine_axis_linearly
+from ._periodic import check_turn, margin_of, with_turns
 from .io._coordinates import is_time
-from .io._geometry import affine_from_axes
+from .io._geometry import TURN, affine_from_axes
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ def refined_coordinates(
             values = each.to_numpy()
             for axis, factor in zip(axes, factors, strict=True):
                 if axis.dim in each.dims:
-                    values = _linear(values, each.dims.index(axis.dim), factor)
+                    values = refine_axis_linearly(values, each.dims.index(axis.dim), factor)
             found[name] = (each.dims, values, each.attrs)
     return found
 
@@ -158,15 +159,3 @@ def _jumps(coordinate: xr.DataArray) -> bool:
     steps = [np.abs(np.diff(values, axis=k)).max(initial=0) for k in range(values.ndim)]
     degrees = str(coordinate.attrs.get("units", "")).startswith("degree")
     return degrees and max(steps, default=0) > TURN / 2
-
-
-def _linear(values: np.ndarray, axis: int, factor: int) -> np.ndarray:
-    """Linear refinement along one axis; samples are kept exactly."""
-    n = values.shape[axis]
-    at = np.arange(factor * (n - 1) + 1) / factor
-    low = np.minimum(at.astype(int), max(n - 2, 0))
-    shape = [1] * values.ndim
-    shape[axis] = len(at)
-    part = (at - low).reshape(shape).astype(values.dtype)
-    first, second = np.take(values, low, axis), np.take(values, np.minimum(low + 1, n - 1), axis)
-    return np.where(part == 1, second, first + part * (second - first))

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .io._geometry import TURN
+
 if TYPE_CHECKING:
     from ._field import BezierField
     from .io import Grid
 
 # Samples added beyond the seam.
 _MARGIN = 16
-TURN = 360.0
 
 
 def margin_of(count: int) -> int:

@@ -90,15 +90,6 @@ def alike(grid: Grid, other: Grid) -> Grid:
     )
 
 
-def _affine(grid: Grid) -> np.ndarray:
-    """From sample numbers to the coordinates of the file, or else of the field."""
-    if grid.affine is not None:
-        return grid.affine
-    affine = np.diag([*grid.spacing, 1.0])
-    affine[:-1, -1] = grid.origin
-    return affine
-
-
 def coarsening(grid: Grid, outline: Grid) -> float:
     """How many times farther apart the samples of the outline are, along the worst axis."""
     return float(np.divide(outline.steps, grid.steps).max())
@@ -114,7 +105,7 @@ def resampled(
     """
     import jax
 
-    to_index = np.linalg.solve(_affine(grid), _affine(outline))
+    to_index = np.linalg.solve(grid.from_index(), outline.from_index())
     size = outline.values.size
     last = np.asarray(field.shape) - 1.0
     samples = np.asarray(field.samples, np.float64)

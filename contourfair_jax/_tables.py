@@ -4,7 +4,6 @@ Made by a few large operations, each on its own: what XLA would fuse into every 
 out of them, it would compile once for each.
 """
 
-import itertools
 from functools import partial
 
 import jax.numpy as jnp
@@ -12,12 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._basis import block_of, index_set, quadrature
+from ._bezier import derivatives
 from ._xla import apart
-
-
-def derivatives(order: int, ndim: int) -> list[tuple[int, ...]]:
-    """The partial derivatives of an order, as sorted tuples of axes."""
-    return list(itertools.combinations_with_replacement(range(ndim), order))
 
 
 def block_entries(ndim: int) -> tuple[np.ndarray, np.ndarray]:

@@ -101,14 +101,6 @@ class Tiling:
             for fine, count, own in zip(self.fine_shape, self.counts, self.own, strict=True)
         )
 
-    @property
-    def sizes(self) -> tuple[tuple[int, ...], ...]:
-        """Samples of the result that each tile owns, along each axis."""
-        return tuple(
-            (own,) * (count - 1) + (fine - own * (count - 1),)
-            for fine, count, own in zip(self.fine_shape, self.counts, self.own, strict=True)
-        )
-
     def __len__(self) -> int:
         return math.prod(self.counts)
 

@@ -1,6 +1,6 @@
 """From a field and levels to arcs: checks, and arrays on the host."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import jax
@@ -9,13 +9,13 @@ import numpy as np
 from ._arcs import Arcs, arcs, concatenate
 from ._cells import grid_cells
 from ._codes import Codes
+from ._display import Progress, untold
 from ._field import BezierField
 from ._host import known
 from ._shift import Values
 from ._subdivide import leaves
 
 Levels: TypeAlias = float | Sequence[float] | np.ndarray
-Progress: TypeAlias = Callable[[int, int], None]
 
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
@@ -27,7 +27,7 @@ def trace(
     levels: np.ndarray,
     tolerance: float,
     codes: Codes,
-    progress: Progress | None = None,
+    progress: Progress = untold,
 ) -> tuple[Arcs, int]:
     """The arcs of sorted levels in a control net, and how many pieces were not proved.
 
@@ -41,8 +41,7 @@ def trace(
         for group in leaves(cells, placed, tolerance, 4 * values.rounding):
             unproved += int(np.count_nonzero(~group.proved))
             found += arcs(group, placed, codes)
-        if progress is not None:
-            progress(int(cells.corner[0, -1]) + 1, rows)
+        progress(int(cells.corner[0, -1]) + 1, rows)
     return concatenate(found), unproved
 
 

@@ -7,7 +7,6 @@ middle of the larger one's edges and faces take its values, so that the whole is
 proof is for the values that result.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +15,7 @@ import jax
 import numpy as np
 
 from ._basis import bernstein
-from ._display import untold
+from ._display import Progress, untold
 from ._field import BezierField
 from ._host import HostField
 from ._tree import MOST_DEPTH, Tree, balance, split, whole
@@ -106,9 +105,7 @@ class AdaptiveField:
         return leaf_grid(self, grid)
 
 
-def adaptive(
-    field: BezierField, tolerance: float, progress: Callable[[int, int], None] = untold
-) -> AdaptiveField:
+def adaptive(field: BezierField, tolerance: float, *, progress: Progress = untold) -> AdaptiveField:
     """The coarsest quadtree (octree) over the cells of a field that is proved to be near to it.
 
     Parameters

@@ -19,13 +19,14 @@ from ._bands import Band as Band
 from ._bands import Bands as Bands
 from ._bands import filled as filled
 from ._codes import Codes
+from ._display import Progress, untold
 from ._field import BezierField
 from ._level_notes import level_notes, listed, unproved_note
 from ._link import link
 from ._members import Members
 from ._shift import distinct, values_of
 from ._tracing import Levels as Levels
-from ._tracing import Progress, check_levels, check_tolerance, host_arrays, trace
+from ._tracing import check_levels, check_tolerance, host_arrays, trace
 from .io import ContourLine as ContourLine
 
 
@@ -72,7 +73,7 @@ def contours(
     levels: Levels,
     tolerance: float = 0.01,
     *,
-    progress: Progress | None = None,
+    progress: Progress = untold,
 ) -> Contours:
     """The contour lines of a 2-D field.
 

@@ -22,6 +22,7 @@ from ._to_vtk import write_mesh as write_mesh
 from .contours import Band
 from .io import ContourLine, Grid, InputError, MissingPackageError, replacing, write_geojson
 from .io import write_svg as write_svg
+from .io._geometry import diagonal_affine
 from .io._lines import NO_CRS, feature_collection
 
 if TYPE_CHECKING:
@@ -42,9 +43,8 @@ def grid_of(field: BezierField, crs: str | None = None) -> Grid:
     crs : str
         Coordinate reference system, as WKT or a code such as ``EPSG:4326``.
     """
-    spacing = np.asarray(field.spacing, dtype=np.float64)
-    affine = np.diag(np.append(spacing, 1.0))
-    affine[:-1, -1] = np.asarray(field.origin, dtype=np.float64)
+    spacing, origin = (np.asarray(x, dtype=np.float64) for x in (field.spacing, field.origin))
+    affine = diagonal_affine(spacing.tolist(), origin.tolist())
     return Grid(np.asarray(field.samples), affine=affine, crs=crs)
 
 

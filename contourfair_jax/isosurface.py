@@ -10,12 +10,11 @@ As for contours, a plateau counts as below its own level: this is raised by `5e-
 the samples, or by two roundings of the largest sample where these are more.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ._display import untold
+from ._display import Progress, untold
 from ._field import BezierField
 from ._host import HostField, known
 from ._level_notes import rounding_note
@@ -104,7 +103,8 @@ def isosurface(
     field: BezierField,
     level: float,
     tolerance: float = 0.01,
-    progress: Callable[[int, int], None] = untold,
+    *,
+    progress: Progress = untold,
 ) -> Isosurface:
     """The surface of a 3-D field where it has one value.
 

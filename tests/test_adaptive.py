@@ -188,7 +188,7 @@ def test_no_tree_is_refused_that_fits(monkeypatch):
 
 def test_progress_is_told():
     told = []
-    grid = adaptive(bump(2), 1e-3, lambda done, total: told.append((done, total)))
+    grid = adaptive(bump(2), 1e-3, progress=lambda done, total: told.append((done, total)))
     assert all(0 <= done <= total <= len(grid) for done, total in told)
     assert len(told) > 2
 

@@ -204,7 +204,7 @@ def test_surface_ends_at_cells_without_values():
 
 def test_progress_is_told():
     told = []
-    isosurface(ball(), 0.36, 0.01, lambda done, total: told.append(done / total))
+    isosurface(ball(), 0.36, 0.01, progress=lambda done, total: told.append(done / total))
     assert told[0] == 0
     assert told == sorted(told)
     assert 0.9 < told[-1] <= 1

@@ -6,10 +6,9 @@ import numpy as np
 import xarray as xr
 
 from ._errors import InputError
-from ._geometry import affine_from_axes, is_skewed, seam_note
+from ._geometry import SKEWED, TURN, affine_from_axes, is_skewed, seam_note
 
 _TIME_NAMES = frozenset(("time", "t", "month", "year", "valid_time"))
-_TURN = 360.0
 
 
 def ordered(array: xr.DataArray) -> xr.DataArray:
@@ -46,7 +45,7 @@ def affine_of(array: xr.DataArray) -> tuple[np.ndarray | None, tuple[str, ...]]:
     stored = array.attrs.get("index_to_world")
     if stored is not None:
         affine = np.asarray(stored, np.float64).reshape(array.ndim + 1, array.ndim + 1)
-        skewed = ("the axes are not perpendicular; fairing treats them as if they were",)
+        skewed = (SKEWED,)
         return affine, skewed if is_skewed(affine) else ()
     if not set(array.dims) & set(array.coords):
         curved = [str(name) for name, each in array.coords.items() if _is_curvilinear(each)]
@@ -92,10 +91,10 @@ def _unwrapped(coordinate: xr.DataArray) -> tuple[np.ndarray, tuple[str, ...]]:
     if not units.startswith(("degrees_e", "degree_e")) or len(values) < 3:
         return values, ()
     name = coordinate.name
-    smooth = np.unwrap(values.astype(np.float64), period=_TURN)
+    smooth = np.unwrap(values.astype(np.float64), period=TURN)
     if not np.allclose(smooth, values):
         return smooth, (f"{name} jumps by a turn in the file; here it goes on to {smooth[-1]:g}",)
     step = (values[-1] - values[0]) / (len(values) - 1)
-    if abs(len(values) * abs(step) - _TURN) < 0.01 * abs(step):
+    if abs(len(values) * abs(step) - TURN) < 0.01 * abs(step):
         return values, (seam_note(str(name)),)
     return values, ()

@@ -14,6 +14,11 @@ from ._errors import InputError
 # A coordinate may stray this far, in steps, from even spacing (float32 rounding does).
 _UNEVEN = 0.01
 
+# Degrees all the way round.
+TURN = 360.0
+
+SKEWED = "the axes are not perpendicular; fairing treats them as if they were"
+
 
 def affine_from_axes(coordinates: Sequence[np.ndarray], names: Sequence[str]) -> np.ndarray:
     """The affine map of evenly spaced coordinates, one 1-D array per axis.
@@ -50,6 +55,13 @@ def axes_from_affine(affine: np.ndarray, shape: Sequence[int]) -> list[np.ndarra
     if np.count_nonzero(linear - np.diag(np.diag(linear))):
         return None
     return [affine[k, ndim] + affine[k, k] * np.arange(n) for k, n in enumerate(shape)]
+
+
+def diagonal_affine(spacing: Sequence[float], origin: Sequence[float]) -> np.ndarray:
+    """The map of a grid along the axes of its coordinates."""
+    affine = np.diag([*spacing, 1.0])
+    affine[:-1, -1] = origin
+    return affine
 
 
 def spacing_of(affine: np.ndarray) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioIOError
 from rasterio.transform import Affine
 
 from ._errors import InputError, one_line
-from ._geometry import is_skewed, spacing_of
+from ._geometry import SKEWED, is_skewed, spacing_of
 from ._grid import Grid, exact_float
 from ._limits import check_memory
 from ._missing import mark_missing, numeric, restore_nodata
@@ -80,7 +80,7 @@ def _read(path: Path, key: str | None, driver: str) -> Grid:
         nodata = None
     values, missing, more = mark_missing(samples, None, mask)
     if affine is not None and is_skewed(affine):
-        more += ("the axes are not perpendicular; fairing treats them as if they were",)
+        more += (SKEWED,)
     return Grid(
         values,
         units=units,

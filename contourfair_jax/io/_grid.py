@@ -8,7 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ._errors import InputError
-from ._geometry import crop_affine, origin_of, refine_affine, refined_shape, spacing_of
+from ._geometry import (
+    crop_affine,
+    diagonal_affine,
+    origin_of,
+    refine_affine,
+    refined_shape,
+    spacing_of,
+)
 
 _NAMES = {1: ("x",), 2: ("y", "x"), 3: ("z", "y", "x")}
 
@@ -157,6 +164,12 @@ class Grid:
             return None
         found = np.nonzero(self.missing)
         return tuple((int(where.min()), int(where.max())) for where in found)
+
+    def from_index(self) -> np.ndarray:
+        """The map from sample numbers to world coordinates, or else to those of the field."""
+        if self.affine is not None:
+            return self.affine
+        return diagonal_affine(self.spacing, self.origin)
 
     def world(self, points: np.ndarray) -> np.ndarray:
         """World coordinates, array order, of field coordinates `points`, shape (..., ndim)."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ._errors import InputError
-from ._geometry import affine_from_axes, axes_from_affine, is_skewed
+from ._geometry import SKEWED, affine_from_axes, axes_from_affine, is_skewed
 from ._grid import Grid
 from ._missing import mark_missing, numeric, restore_nodata
 from ._npy import read_array, read_header
@@ -130,7 +130,7 @@ def _assemble(
     spacing = _numbers(beside, "spacing")
     affine = _affine(samples.shape, axes, spacing, beside, coordinates)
     if affine is not None and is_skewed(affine):
-        notes += ("the axes are not perpendicular; fairing treats them as if they were",)
+        notes += (SKEWED,)
     metadata = json.loads(_text(beside, "metadata") or "{}")
     return Grid(
         values,

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from ._geometry import is_skewed
+from ._geometry import SKEWED, is_skewed
 from ._grid import Grid
 
 SLICE = "slice_to_volume"  # the name of the text
@@ -39,7 +39,7 @@ def of_axes(
         within = np.diag([*np.sqrt((linear**2).sum(axis=0)), 1.0])
         notes = ("the plane is oblique: its coordinates are distances within it",)
     if is_skewed(within):
-        notes += ("the axes are not perpendicular; fairing treats them as if they were",)
+        notes += (SKEWED,)
     metadata = {}
     if (ndim, len(kept)) == (3, 2):
         metadata = _place(affine, kept, rows)

@@ -120,10 +120,7 @@ def to_xyz(grid: Grid, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, tupl
     names = grid.axes if named else SPATIAL[-grid.ndim :]
     order = sorted(range(grid.ndim), key=lambda k: names[k])
     places = ["xyz".index(names[k]) for k in order]
-    full = grid.affine
-    if full is None:
-        full = np.diag([*grid.spacing, 1.0])
-        full[:-1, -1] = grid.origin
+    full = grid.from_index()
     notes: tuple[str, ...] = ()
     if not np.allclose(spacing_of(full), grid.spacing, rtol=1e-6):
         notes = ("the steps of the coordinates are kept, not the metric spacing",)

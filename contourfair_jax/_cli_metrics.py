@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 Step: TypeAlias = Callable[[], None]
 # Places where parts merge or split that are listed in words.
 _LISTED = 10
-_LINES = ("length", "turning/2pi", "bending", "parts", "holes")
-_SURFACES = ("area", "bending/4pi", "parts", "Euler")
 
 
 def metrics(
@@ -98,7 +96,7 @@ class _Found:
 
     levels: Sequence[float]
     header: tuple[str, ...]
-    tables: dict[str, list[tuple]]
+    tables: dict[str, list[list[float]]]
     whole: dict[str, dict[str, float]]
     integrals: dict[str, float]
     units: dict[str, str]
@@ -142,6 +140,7 @@ def _measured(
 ) -> _Found:
     from ._changes import changes
     from ._compare import bilinear_field
+    from ._level_table import COLUMNS
 
     # Each level of both fields is a step, and of the search for changes.
     done, steps = counting(1), 3 * len(levels)
@@ -149,13 +148,12 @@ def _measured(
     def moved() -> None:
         progress(next(done), steps)
 
-    measure, header = (_lines, _LINES) if grid.ndim == 2 else (_surfaces, _SURFACES)
     plain = "bilinear" if grid.ndim == 2 else "trilinear"
     fields = {plain: bilinear_field(field), "fair": field}
     return _Found(
         levels=levels,
-        header=header,
-        tables={name: measure(each, levels, moved) for name, each in fields.items()},
+        header=tuple(COLUMNS[grid.ndim]),
+        tables={name: _rows(each, levels, moved) for name, each in fields.items()},
         whole={name: _whole(each) for name, each in fields.items()},
         integrals=_integrals(field),
         units=_integral_units(grid),
@@ -166,25 +164,14 @@ def _measured(
     )
 
 
-def _lines(field: BezierField, levels: Sequence[float], moved: Step) -> list[tuple]:
-    from .metrics import level_metrics
+def _rows(field: BezierField, levels: Sequence[float], moved: Step) -> list[list[float]]:
+    from ._level_table import TOLERANCES, figures, measured
 
-    step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    lines = field.contours(levels, 1e-3)
-    found = level_metrics(lines, step, lines.levels)
+    found = measured(field, levels, TOLERANCES[field.ndim], moved)
     # A level too close to the one below counts as that one.
-    same = np.searchsorted(lines.levels, levels, side="right") - 1
-    rows = [(m.length, m.turning / (2 * np.pi), m.bending, m.components, m.holes) for m in found]
-    for _ in levels:
-        moved()
+    same = np.searchsorted([each.level for each in found], levels, side="right") - 1
+    rows = [figures(each, field.ndim) for each in found]
     return [rows[k] for k in same.tolist()]
-
-
-def _surfaces(field: BezierField, levels: Sequence[float], moved: Step) -> list[tuple]:
-    from ._surface_metrics import level_surfaces
-
-    found = level_surfaces(field, levels, 0.05, moved)
-    return [(m.area, m.bending / (4 * np.pi), m.components, m.euler_characteristic) for m in found]
 
 
 def _whole(field: BezierField) -> dict[str, float]:

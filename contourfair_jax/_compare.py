@@ -11,29 +11,14 @@ from ._bilinear import refine_linearly
 from ._changes import Change, changes
 from ._fair import fair_field
 from ._field import BezierField
-from ._lengths import LevelMetrics, level_metrics
+from ._lengths import LevelMetrics
+from ._level_table import COLUMNS, TOLERANCES, figures, measured
 from ._method import AbstractFairing
-from ._surface_metrics import SurfaceMetrics, level_surfaces
+from ._surface_metrics import SurfaceMetrics
 from ._tracing import Levels, check_levels
 
 # Changes that are printed.
 _LISTED = 10
-# Columns of the table: a figure, and its unit.
-_LINES = {
-    "length": ("length", 1),
-    "turning/2pi": ("turning", 2 * np.pi),
-    "bending": ("bending", 1),
-    "parts": ("components", 1),
-    "holes": ("holes", 1),
-}
-_SURFACES = {
-    "area": ("area", 1),
-    "bending/4pi": ("bending", 4 * np.pi),
-    "parts": ("components", 1),
-    "Euler": ("euler_characteristic", 1),
-}
-# Tolerances of contours and of isosurfaces, in cells.
-_TOLERANCES = {2: 1e-3, 3: 0.05}
 
 
 @dataclass(frozen=True)
@@ -55,13 +40,11 @@ class Comparison:
 
     def __str__(self) -> str:
         volume = any(isinstance(each, SurfaceMetrics) for each in self.fair)
-        plain, columns = ("trilinear", _SURFACES) if volume else ("bilinear", _LINES)
-        rows = [f"{'':>12}" + "".join(f" {column:>12}" for column in columns)]
+        ndim, plain = (3, "trilinear") if volume else (2, "bilinear")
+        rows = [f"{'':>12}" + "".join(f" {column:>12}" for column in COLUMNS[ndim])]
         for name, metrics in ((plain, self.bilinear), ("fair", self.fair)):
-            totals = [
-                sum(getattr(each, figure) for each in metrics) / unit
-                for figure, unit in columns.values()
-            ]
+            table = np.array([figures(each, ndim) for each in metrics])
+            totals = table.reshape(-1, len(COLUMNS[ndim])).sum(axis=0)
             rows.append(f"{name:>12}" + "".join(f" {total:12.5g}" for total in totals))
         counts = {
             kind: sum(change.kind == kind for change in self.changes)
@@ -110,7 +93,7 @@ def compare(
         For values that are not 2-D or 3-D, and as `fair_field`.
     """
     ndim = np.ndim(values)
-    if ndim not in _TOLERANCES:
+    if ndim not in TOLERANCES:
         raise ValueError(
             f"values must be 2-D to compare contours, or 3-D to compare isosurfaces, got {ndim}-D"
         )
@@ -121,15 +104,10 @@ def compare(
         finite = samples[np.isfinite(samples)]
         levels = np.linspace(finite.min(), finite.max(), 12)[1:-1] if finite.size else finite
     chosen = check_levels(levels)
-    tolerance = _TOLERANCES[ndim] if tolerance is None else tolerance
-    if ndim == 3:
-        surfaces = [tuple(level_surfaces(each, chosen, tolerance)) for each in (plain, field)]
-        moved = changes(plain, field, chosen.tolist())
-        return Comparison(surfaces[0], surfaces[1], tuple(moved))
-    step = 0.25 * float(np.min(np.asarray(field.spacing)))
-    lines = [each.contours(chosen, tolerance) for each in (plain, field)]
-    metrics = [tuple(level_metrics(each, step, each.levels)) for each in lines]
-    return Comparison(metrics[0], metrics[1], tuple(changes(plain, field, lines[1].levels)))
+    tolerance = TOLERANCES[ndim] if tolerance is None else tolerance
+    before, after = (measured(each, chosen, tolerance) for each in (plain, field))
+    moved = changes(plain, field, [each.level for each in after])
+    return Comparison(before, after, tuple(moved))
 
 
 def bilinear_field(field: BezierField) -> BezierField:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._contour_line import ContourLine
 from ._ragged import ranges
-from .io import ContourLine
 
 
 @dataclass(frozen=True)

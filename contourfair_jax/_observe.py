@@ -10,10 +10,10 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from . import _check
+from ._contour_line import ContourLine
 from ._extent import Extent, check_finite, check_sigma, padded
 from ._method import is_traced
 from ._misfit import AbstractMisfit, Margins, PointSlopes, PointValues
-from .io import ContourLine
 
 
 class AbstractObservation(eqx.Module):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ._bands import Bands
-    from .io import ContourLine
+    from ._contour_line import ContourLine
 
 LINE = "#1a1a1a"
 SHADES = "viridis"

@@ -19,6 +19,7 @@ from ._bands import Band as Band
 from ._bands import Bands as Bands
 from ._bands import filled as filled
 from ._codes import Codes
+from ._contour_line import ContourLine as ContourLine
 from ._display import Progress, untold
 from ._field import BezierField
 from ._level_notes import level_notes, listed, unproved_note
@@ -27,7 +28,6 @@ from ._members import Members
 from ._shift import distinct, values_of
 from ._tracing import Levels as Levels
 from ._tracing import check_levels, check_tolerance, host_arrays, trace
-from .io import ContourLine as ContourLine
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,11 +27,11 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from ._contour_line import ContourLine
 from ._field import BezierField
 from ._level_points import level_points as level_points
 from ._level_points import places_of, project
 from ._sided import SidedField
-from .io import ContourLine
 
 
 def length(

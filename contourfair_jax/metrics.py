@@ -11,6 +11,7 @@ from ._coarea import surface_coarea as surface_coarea
 from ._compare import Comparison as Comparison
 from ._compare import bilinear_field as bilinear_field
 from ._compare import compare as compare
+from ._contour_line import ContourLine
 from ._crossings import crossing_pairs
 from ._extrema import extrema
 from ._field import BezierField
@@ -19,7 +20,6 @@ from ._lengths import level_metrics as level_metrics
 from ._lengths import signed_area as signed_area
 from ._surface_metrics import SurfaceMetrics as SurfaceMetrics
 from ._surface_metrics import surface_metrics as surface_metrics
-from .io import ContourLine
 
 
 def crossings(lines: Sequence[ContourLine]) -> int:

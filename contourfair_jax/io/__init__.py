@@ -6,6 +6,7 @@ suffice for arrays, images, cube files and CCP4 maps; the extras ``geotiff``, ``
 process of their own.
 """
 
+from .._contour_line import ContourLine as ContourLine
 from ._atomic import replacing as replacing
 from ._errors import InputError as InputError
 from ._errors import MissingPackageError as MissingPackageError
@@ -15,7 +16,6 @@ from ._formats import Format as Format
 from ._grid import Grid as Grid
 from ._grid import exact_float as exact_float
 from ._limits import check_memory as check_memory
-from ._lines import ContourLine as ContourLine
 from ._lines import write_geojson as write_geojson
 from ._lines import write_svg as write_svg
 from ._registry import check_writable as check_writable

@@ -4,13 +4,13 @@ import json
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
+from .._contour_line import ContourLine
 from ._atomic import replacing
 from ._errors import InputError
 from ._grid import Grid
@@ -24,25 +24,6 @@ _EPSG = re.compile(
 )
 _CRS84 = re.compile(r'(?:^|[:/"])CRS84"?\s*[\]\s]*$', re.IGNORECASE)
 NO_CRS = "the source names no coordinate reference system; the file has none either"
-
-
-@dataclass(frozen=True, eq=False)
-class ContourLine:
-    """One piece of a level set.
-
-    Parameters
-    ----------
-    level
-        The value along the line.
-    points
-        Field coordinates in array order (``y, x``), shape ``(n, 2)``.
-    closed
-        Whether the line is a loop; its last point then equals its first.
-    """
-
-    level: float
-    points: np.ndarray
-    closed: bool
 
 
 def write_geojson(

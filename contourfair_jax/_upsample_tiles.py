@@ -27,7 +27,7 @@ from .io._grid import no_samples
 
 if TYPE_CHECKING:
     from ._method import AbstractFairing
-    from ._tile_job import Job
+    from ._tile_job import Job, Outcome
     from ._tile_source import Source
     from ._tile_state import Unfinished
     from ._tile_store import Store
@@ -96,7 +96,6 @@ def upsample_in_tiles(
     InputError
         As `contourfair_jax.tiles.refine_to` and the readers.
     """
-    from ._tile_job import run_job
     from ._tile_room import check_room
     from ._tile_run import Job
     from ._tile_source import Held
@@ -130,26 +129,37 @@ def upsample_in_tiles(
     check_room(tiling, kind, stored, state)
     finer = _outline(grid, factors, stored)
     job = Job(uuid.uuid4().hex, opened, None, tiling, chosen, grid.spacing, kind, recipe.fill)
-    job = replace(job, store=_store(job, state, finer))
-    size, count = " x ".join(str(n) for n in grid.shape), math.prod(grid.shape)
+    outcome = _computed(replace(job, store=_store(job, state, finer)), state, division, finer, say)
+    count = math.prod(grid.shape)
+    if outcome.gaps and not isinstance(opened, Held):  # else the reader has told
+        say.note(missing_note(describe_count(outcome.gaps, count), recipe.fill))
+    if target.suffix.lower() == ".npy" and grid.affine is not None:
+        say.note(".npy keeps the samples only: spacing and coordinates are left out")
+    return Output(outcome.shape, stored, outcome.missing)
+
+
+def _computed(
+    job: Job, state: Unfinished, division: Division, finer: Grid, say: Reporter
+) -> Outcome:
+    """Run a job, and show how far it is."""
+    from ._tile_job import run_job
+
+    shape = job.tiling.shape
     with (
         _warnings_as_notes(say),
-        say.counting(f"fairing {size}", "samples", count) as progress,
+        say.counting(
+            f"fairing {' x '.join(map(str, shape))}", "samples", math.prod(shape)
+        ) as progress,
     ):
-        outcome = run_job(
+        return run_job(
             job,
             state,
             division.workers,
             division.resume,
             None if division.memory is None else int(division.memory * 2**30),
             progress=progress,
-            prepare=None if target.suffix.lower() == ".npy" else lambda path: _group(path, finer),
+            prepare=None if state.data.suffix == ".npy" else lambda path: _group(path, finer),
         )
-    if outcome.gaps and not isinstance(opened, Held):  # else the reader has told
-        say.note(missing_note(describe_count(outcome.gaps, count), recipe.fill))
-    if target.suffix.lower() == ".npy" and grid.affine is not None:
-        say.note(".npy keeps the samples only: spacing and coordinates are left out")
-    return Output(outcome.shape, stored, outcome.missing)
 
 
 @contextmanager

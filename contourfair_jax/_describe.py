@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .io import Grid
+from .io._geometry import is_turned
 
 
 def information(grid: Grid) -> Iterator[tuple[str, str]]:
@@ -89,12 +90,20 @@ def _by(shape: tuple[int, ...]) -> str:
 
 
 def _place(grid: Grid) -> Iterator[tuple[str, str]]:
-    if grid.affine is not None:
+    if grid.affine is not None and is_turned(grid.affine):
+        yield "first", _coordinates(grid, grid.affine[:-1, -1])
+        for name, step in zip(grid.axes, grid.affine[:-1, :-1].T, strict=True):
+            yield f"step {name}", f"{_coordinates(grid, step)} (turned)"
+    elif grid.affine is not None:
         ends = [np.zeros(grid.ndim), (np.array(grid.shape) - 1) * np.array(grid.spacing)]
         first, last = (grid.world(end + np.array(grid.origin)) for end in ends)
         for name, begin, end in zip(grid.axes, first, last, strict=True):
             yield name, f"{begin:.10g} to {end:.10g} (first to last sample)"
     yield "crs", "none" if grid.crs is None else crs_title(grid.crs)
+
+
+def _coordinates(grid: Grid, position: np.ndarray) -> str:
+    return ", ".join(f"{name} {x:.10g}" for name, x in zip(grid.axes, position, strict=True))
 
 
 def crs_title(crs: str) -> str:

@@ -584,6 +584,15 @@ def test_info(run, dem):
     assert shown["missing"] == "none"
 
 
+def test_info_on_a_turned_grid_tells_its_steps(tmp_path, run):
+    affine = np.array([[-8.0, 6.0, 100.0], [6.0, 8.0, 20.0], [0.0, 0.0, 1.0]])
+    write(tmp_path / "turned.npz", Grid(np.zeros((4, 5)), affine=affine))
+    printed = run("info", tmp_path / "turned.npz")[1]
+    assert re.search(r"^first +y 100, x 20$", printed, re.M)
+    assert re.search(r"^step y +y -8, x 6 \(turned\)$", printed, re.M)
+    assert re.search(r"^step x +y 6, x 8 \(turned\)$", printed, re.M)
+
+
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("name", "said"),

@@ -82,6 +82,12 @@ def origin_of(affine: np.ndarray, spacing: Sequence[float]) -> tuple[float, ...]
     return (0.0,) * ndim
 
 
+def is_turned(affine: np.ndarray) -> bool:
+    """Whether steps along an axis change more than the coordinate of its name."""
+    linear = np.abs(affine[:-1, :-1])
+    return bool((linear - np.diag(np.diag(linear))).max() > 1e-9 * linear.max())
+
+
 def is_skewed(affine: np.ndarray) -> bool:
     """Whether some axes of the grid are not perpendicular."""
     linear = affine[:-1, :-1] / np.asarray(spacing_of(affine))

@@ -32,7 +32,7 @@ class Extent(eqx.Module):
         """The spacing in the dtype of the fit."""
         return jnp.asarray(self.spacing, self.dtype)
 
-    def check_inside(self, points: ArrayLike, kind: str) -> Array:
+    def check_inside(self, points: ArrayLike, kind: str) -> Array | np.ndarray:
         """Points counted from the origin, in the dtype of the fit.
 
         Of known ones the origin is taken off in float64.

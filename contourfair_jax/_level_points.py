@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -65,15 +66,16 @@ def level_points(
     return placed + jnp.broadcast_to(origin, placed.shape)
 
 
-def places_of(field: BezierField, points: ArrayLike) -> Float[Array, "*batch ndim"]:
+def places_of(field: BezierField, points: ArrayLike) -> Float[Array | np.ndarray, "*batch ndim"]:
     """Points counted from the first sample, in the precision of the field."""
     return from_origin(_check.check_points(points, field.ndim), field.origin, field.dtype)
 
 
 def project(
-    field: SidedField, points: Float[Array, "*batch ndim"], level: ArrayLike, steps: int = 2
+    field: SidedField, places: Float[ArrayLike, "*batch ndim"], level: ArrayLike, steps: int = 2
 ) -> Float[Array, "*batch ndim"]:
     """`level_points` of points counted from the first sample."""
+    points = jnp.asarray(places)
     level = jnp.broadcast_to(jnp.asarray(level, points.dtype), points.shape[:-1])
     start = points
     for _ in range(steps):

@@ -28,9 +28,9 @@ def finest(*arrays: ArrayLike) -> list[Array]:
 
 def from_origin(
     points: ArrayLike, origin: Float[ArrayLike, " ndim"], dtype: jnp.dtype
-) -> Float[Array, "*batch ndim"]:
-    """Points counted from the origin, which is taken off in float64 where both are known."""
+) -> Float[Array | np.ndarray, "*batch ndim"]:
+    """Points counted from the origin: where both are known of NumPy, and taken off in float64."""
     if is_traced(points, origin):
         at, first = finest(points, origin)
         return (at - jnp.broadcast_to(first, at.shape)).astype(dtype)
-    return jnp.asarray(np.asarray(points, np.float64) - np.asarray(origin, np.float64), dtype)
+    return (np.asarray(points, np.float64) - np.asarray(origin, np.float64)).astype(dtype)

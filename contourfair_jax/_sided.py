@@ -1,14 +1,19 @@
 """Fields beside cells without values: contours end there, on a face that has values on one side."""
 
+import functools
 import itertools
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from ._bezier import cell_extreme
 from ._field import BezierField
+from ._method import is_traced
 from ._queries import full_hessian, mean_curvature, partials
 
 # Roundings of the last coordinate within which a point is on a face.
@@ -35,10 +40,12 @@ class SidedField(eqx.Module):
     ends: Bool[Array, "*batch ndim"]
 
     @classmethod
-    def of(cls, field: BezierField, points: Float[Array, "*batch ndim"]) -> "SidedField":
+    def of(cls, field: BezierField, points: Float[ArrayLike, "*batch ndim"]) -> "SidedField":
         """Of points counted from the first sample."""
-        net, spacing = field.control_points, jnp.asarray(field.spacing, field.dtype)
-        return cls(net, spacing, *_sides(jax.lax.stop_gradient((net, spacing, points))))
+        net = field.control_points
+        valid = ~jnp.isnan(cell_extreme(jax.lax.stop_gradient(net), jnp.maximum))
+        cells, ends = _sides(valid, field.spacing, points)
+        return cls(net, jnp.asarray(field.spacing, net.dtype), cells, ends)
 
     def value_and_gradient(self, points: Float[Array, "*batch ndim"]) -> tuple[Array, Array]:
         """Values (...) and gradients (..., ndim); polynomials go on outside."""
@@ -56,34 +63,45 @@ class SidedField(eqx.Module):
         return partials(self.net, self.spacing, origin, points, "extend", order, self.cells)
 
 
-def _sides(places: tuple[Array, Array, Array]) -> tuple[Int[Array, "..."], Bool[Array, "..."]]:
-    """The cells and ends of a `SidedField`."""
-    net, spacing, points = places
-    valid = ~jnp.isnan(cell_extreme(net, jnp.maximum))
-    grid = points / jnp.broadcast_to(spacing, points.shape)
-    last = jnp.broadcast_to(jnp.array(valid.shape, jnp.int32), points.shape)
-    near = _ROUNDINGS * float(jnp.finfo(grid.dtype).eps) * last.astype(grid.dtype)
-    # NaN is nowhere; the first cell will do.
-    grid = jnp.where(jnp.isnan(grid), 0, grid)
-    above = jnp.floor(grid + near).astype(jnp.int32)
-    below = jnp.ceil(grid - near).astype(jnp.int32) - 1
+def _sides(
+    valid: Bool[Array, "*cells"],
+    spacing: Float[Array | np.ndarray, " ndim"],
+    points: Float[ArrayLike, "*batch ndim"],
+) -> tuple[Int[Array, "*batch ndim"], Bool[Array, "*batch ndim"]]:
+    """The cells and ends of a `SidedField`.
 
-    def holds(cell: Array) -> Array:
-        inside = jnp.all((cell >= 0) & (cell < last), axis=-1)
-        index = jnp.clip(cell, 0, last - 1)
-        return inside & valid[tuple(jnp.moveaxis(index, -1, 0))]
+    What is known is worked out by NumPy: XLA would fold it, slowly, while it compiles.
+    """
+    ndim, last = valid.ndim, np.array(valid.shape, np.int32)
+    xp: Any = np
+    if is_traced(points, spacing):
+        xp, (spacing, points) = jnp, jax.lax.stop_gradient((spacing, points))
+    kind = jnp.result_type(points)
+    grid = xp.asarray(points) / xp.broadcast_to(xp.asarray(spacing, kind), np.shape(points))
+    grid = xp.where(xp.isnan(grid), 0, grid)  # nowhere; the first cell will do
+    near = xp.asarray(_ROUNDINGS * float(jnp.finfo(kind).eps) * last, kind)
+    near = xp.broadcast_to(near, grid.shape)
+    above = xp.floor(grid + near).astype(np.int32)
+    below = xp.ceil(grid - near).astype(np.int32) - 1
+    last = xp.broadcast_to(xp.asarray(last), above.shape)
 
-    chosen, found, whole = above, holds(above), holds(above)
-    for down in list(itertools.product((False, True), repeat=net.ndim))[1:]:
-        cell = jnp.where(jnp.array(down), below, above)
-        better = holds(cell)
-        whole = whole & better
-        chosen = jnp.where((better & ~found)[..., None], cell, chosen)
-        found = found | better
-    other = above + below - chosen
-    ends = []
-    for axis in range(net.ndim):
-        across = chosen.at[..., axis].set(other[..., axis])
-        ends.append((above != below)[..., axis] & ~holds(across))
+    cells, holds = [], []
+    for down in itertools.product((False, True), repeat=ndim):
+        cell = xp.where(np.array(down), below, above)
+        inside = xp.all((cell >= 0) & (cell < last), axis=-1)
+        index = xp.moveaxis(xp.clip(cell, 0, last - 1), -1, 0)
+        cells.append(cell)
+        holds.append(valid[tuple(index)] & inside)
+    chosen, found = jnp.asarray(above), jnp.zeros_like(holds[0])
+    ends: list[Array] = [jnp.zeros_like(found)] * ndim
+    for number, (cell, here) in enumerate(zip(cells, holds, strict=True)):
+        first = here & ~found
+        chosen = jnp.where(first[..., None], cell, chosen)
+        for axis in range(ndim):
+            across = holds[number ^ 2 ** (ndim - 1 - axis)]
+            on_face = (above != below)[..., axis]
+            ends[axis] = jnp.where(first, ~across & on_face, ends[axis])  # pyright: ignore
+        found = found | here
+    whole = functools.reduce(jnp.logical_and, holds)
     fixed = (found & ~whole)[..., None]
     return jnp.where(fixed, chosen, -1), jnp.stack(ends, axis=-1)

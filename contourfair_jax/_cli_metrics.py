@@ -165,9 +165,9 @@ def _measured(
 
 
 def _rows(field: BezierField, levels: Sequence[float], moved: Step) -> list[list[float]]:
-    from ._level_table import TOLERANCES, figures, measured
+    from ._level_table import figures, measured
 
-    found = measured(field, levels, TOLERANCES[field.ndim], moved)
+    found = measured(field, levels, moved=moved)
     # A level too close to the one below counts as that one.
     same = np.searchsorted([each.level for each in found], levels, side="right") - 1
     rows = [figures(each, field.ndim) for each in found]

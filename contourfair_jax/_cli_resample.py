@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from ._console import Reporter
-from ._describe import Output, describe_count
+from ._describe import Output, by, describe_count
 from ._options import (
     WRITABLE,
     Fill,
@@ -84,7 +84,7 @@ def resample(
     else:
         assert like is not None
         outline = alike(grid, read(like, like_key))
-    size = " x ".join(str(n) for n in outline.shape)
+    size = by(outline.shape)
     check_memory(24 * math.prod(outline.shape), f"resampling to {size}")
     dtype = result_dtype(grid, recipe.single)
     # The values to come are not known, but those of the file are like them.

@@ -12,7 +12,7 @@ from ._changes import Change, changes
 from ._fair import fair_field
 from ._field import BezierField
 from ._lengths import LevelMetrics
-from ._level_table import COLUMNS, TOLERANCES, figures, measured
+from ._level_table import COLUMNS, figures, measured
 from ._method import AbstractFairing
 from ._surface_metrics import SurfaceMetrics
 from ._tracing import Levels, check_levels
@@ -93,7 +93,7 @@ def compare(
         For values that are not 2-D or 3-D, and as `fair_field`.
     """
     ndim = np.ndim(values)
-    if ndim not in TOLERANCES:
+    if ndim not in COLUMNS:
         raise ValueError(
             f"values must be 2-D to compare contours, or 3-D to compare isosurfaces, got {ndim}-D"
         )
@@ -104,7 +104,6 @@ def compare(
         finite = samples[np.isfinite(samples)]
         levels = np.linspace(finite.min(), finite.max(), 12)[1:-1] if finite.size else finite
     chosen = check_levels(levels)
-    tolerance = TOLERANCES[ndim] if tolerance is None else tolerance
     before, after = (measured(each, chosen, tolerance) for each in (plain, field))
     moved = changes(plain, field, [each.level for each in after])
     return Comparison(before, after, tuple(moved))

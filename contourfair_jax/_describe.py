@@ -14,7 +14,7 @@ from .io._geometry import is_turned
 
 def information(grid: Grid) -> Iterator[tuple[str, str]]:
     """What ``contourfair info`` shows: names and texts."""
-    yield "shape", f"{_by(grid.shape)} ({', '.join(grid.axes)})"
+    yield "shape", f"{by(grid.shape)} ({', '.join(grid.axes)})"
     yield "type", grid.source_dtype.name + ("" if grid.source_dtype.isnative else ", byte-swapped")
     present = grid.values if grid.missing is None else grid.values[~grid.missing]
     units = f" {grid.units}" if grid.units else ""
@@ -82,10 +82,11 @@ class Output:
     def __str__(self) -> str:
         share = self.missing / math.prod(self.shape)
         gaps = f", {share:.1%} missing" if self.missing else ""
-        return f"{_by(self.shape)} {self.dtype}{gaps}"
+        return f"{by(self.shape)} {self.dtype}{gaps}"
 
 
-def _by(shape: tuple[int, ...]) -> str:
+def by(shape: tuple[int, ...]) -> str:
+    """Samples along each axis: ``3 x 4``."""
     return " x ".join(str(n) for n in shape)
 
 

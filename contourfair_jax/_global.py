@@ -97,9 +97,9 @@ class GlobalFairing(AbstractFairing):
         Renew the normals until no value, slope or mixed derivative per cell changes by more than
         this, in units of the samples' spread, at most `iterations` times; give it some 50 then.
         The limit is differentiated by the implicit function theorem, with memory that does not
-        depend on the iterations.
-        Derivatives are as accurate as `tolerance`, which is to be well below `converge`.
-        None renews them `iterations` times, and derivatives are those of the last iterate.
+        depend on the iterations.  Derivatives are as accurate as `tolerance`, which is to be well
+        below `converge`.  None renews them `iterations` times, and derivatives are those of the
+        last iterate.
     coarse_grids : bool or None
         Precondition with coarse grids, which wide holes need and which take longer to compile.
         None decides by the samples; inside `jax.jit` and `jax.vmap`, where they are unknown, it
@@ -167,9 +167,8 @@ class GlobalFairing(AbstractFairing):
     def fit(self, values, spacing):
         if self.border_degree == 0:
             return self._fit(values, spacing)
-        known = jnp.zeros((), values.dtype) if self.sigma is None else self.sigma
-        known = jnp.broadcast_to(jnp.asarray(known, values.dtype), values.shape)
-        wide = continue_samples(values, known, self.border_degree)
+        sigma = jnp.asarray(0 if self.sigma is None else self.sigma, values.dtype)
+        wide = continue_samples(values, jnp.broadcast_to(sigma, values.shape), self.border_degree)
         weights = self.cell_weights
         method = dataclasses.replace(
             self,

@@ -101,9 +101,7 @@ def _tied_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     points = _tied(field, points, level)
     known = jnp.all(jnp.isfinite(points), axis=-1, keepdims=True)
     places = jnp.where(known, points, 0)
-    _, value_dot = jax.jvp(
-        lambda f, p: f.value_and_gradient(p)[0], (field, places), (field_dot, points_dot)
-    )
+    _, value_dot = jax.jvp(lambda f, p: f(p), (field, places), (field_dot, points_dot))
     across = jnp.where(known, _value_and_across(field, places)[1], 0)
     return points, points_dot + (level_dot - value_dot)[..., None] * across
 

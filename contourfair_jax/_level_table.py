@@ -31,10 +31,11 @@ TOLERANCES = {2: 1e-3, 3: 0.05}
 def measured(
     field: BezierField,
     levels: Sequence[float] | np.ndarray,
-    tolerance: float,
+    tolerance: float | None = None,
     moved: Callable[[], None] = lambda: None,
 ) -> tuple[LevelMetrics, ...] | tuple[SurfaceMetrics, ...]:
     """Metrics of sorted levels, without those too close to the one below; `moved` for each."""
+    tolerance = TOLERANCES[field.ndim] if tolerance is None else tolerance
     if field.ndim == 3:
         return tuple(level_surfaces(field, levels, tolerance, moved))
     lines = field.contours(levels, tolerance)

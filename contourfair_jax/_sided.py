@@ -47,8 +47,12 @@ class SidedField(eqx.Module):
         cells, ends = _sides(valid, field.spacing, points)
         return cls(net, jnp.asarray(field.spacing, net.dtype), cells, ends)
 
+    def __call__(self, points: Float[Array, "*batch ndim"]) -> Float[Array, "*batch"]:
+        """Values; polynomials go on outside."""
+        return self._partials(points, 0)[0][..., 0]
+
     def value_and_gradient(self, points: Float[Array, "*batch ndim"]) -> tuple[Array, Array]:
-        """Values (...) and gradients (..., ndim); polynomials go on outside."""
+        """Values (...) and gradients (..., ndim)."""
         value, gradient = self._partials(points, 1)
         return value[..., 0], gradient
 

@@ -13,7 +13,7 @@ import numpy as np
 from ._apart import check_apart
 from ._axis_units import degrees_note
 from ._console import Reporter
-from ._describe import describe_missing, missing_note
+from ._describe import by, describe_missing, missing_note
 from ._levels import choose_levels
 from ._recipe import Recipe
 from ._run import fair, precision, result_dtype
@@ -95,7 +95,7 @@ def _of_grid(grid: Grid, joined: Sequence[str] | None) -> tuple[str, ...]:
 
 def faired(grid: Grid, recipe: Recipe, say: Reporter) -> BezierField:
     """The fair field of the samples, in the precision that is asked for."""
-    size = " x ".join(str(n) for n in grid.shape)
+    size = by(grid.shape)
     with precision(recipe.single), say.working(f"fairing {size} samples"):
         return fair(grid, recipe)
 

@@ -60,21 +60,20 @@ def tiling_of(method: AbstractFairing, shape: tuple[int, ...], factors: tuple[in
     if type(method) not in _OVERLAPS:
         known = ", ".join(f"{each.__name__}()" for each in _OVERLAPS)
         raise ValueError(f"method must be one of {known} for tiles, got {method!r}")
-    for name in ("sigma", "cell_weights"):
+    for name, why in (
+        ("sigma", "looks at the whole grid"),
+        ("cell_weights", "looks at the whole grid"),
+        ("converge", "stops by the changes of the whole grid, which leaves seams"),
+    ):
         if getattr(method, name, None) is not None:
             raise ValueError(
-                f"method.{name} looks at the whole grid, so it cannot be used in tiles; "
+                f"method.{name} {why}, so it cannot be used in tiles; "
                 "leave it None, or fair the whole grid with fair_field"
             )
     if weighs_cells(getattr(method, "norm", 2)):
         raise ValueError(
             "method.norm below 2 weighs cells by the mean of the whole grid, so it cannot be used "
             "in tiles; leave it 2, or fair the whole grid with fair_field"
-        )
-    if getattr(method, "converge", None) is not None:
-        raise ValueError(
-            "method.converge stops by the changes of the whole grid, which leaves seams, so it "
-            "cannot be used in tiles; leave it None, or fair the whole grid with fair_field"
         )
     if getattr(method, "border_degree", 0):
         raise ValueError(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ._console import Reporter
-from ._describe import Output
+from ._describe import Output, by
 from ._factors import Factor
 from ._recipe import Recipe
 from ._run import check_fairable, fair, precision, result_dtype
@@ -44,7 +44,7 @@ def upsample_whole(
     around = recipe.axes(grids[0])
     shape, count = grids[0].shape, len(grids)
     several: tuple[int, ...] = (count,) if count > 1 else ()
-    size = " x ".join(str(n) for n in several + shape)
+    size = by(several + shape)
     results: list[Grid] = []
     with precision(recipe.single), say.working(f"fairing {size} samples") as move:
         for grid in grids:

@@ -16,7 +16,7 @@ import numpy as np
 from ._apart import check_apart
 from ._axis_units import degrees_note
 from ._console import Reporter
-from ._describe import Output, describe_count, missing_note
+from ._describe import Output, by, describe_count, missing_note
 from ._factors import Factor
 from ._recipe import Recipe
 from ._run import check_axes, result_dtype
@@ -147,9 +147,7 @@ def _computed(
     shape = job.tiling.shape
     with (
         _warnings_as_notes(say),
-        say.counting(
-            f"fairing {' x '.join(map(str, shape))}", "samples", math.prod(shape)
-        ) as progress,
+        say.counting(f"fairing {by(shape)}", "samples", math.prod(shape)) as progress,
     ):
         return run_job(
             job,

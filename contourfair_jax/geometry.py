@@ -212,9 +212,8 @@ def _tied_mesh(
     points = project(sided, places, level)
     first, second, third = (points[corners[:, k]] for k in range(3))
     normals = jnp.cross(second - first, third - first)
-    middles = jax.lax.stop_gradient((first + second + third) / 3)
-    _, uphill = SidedField.of(field, middles).value_and_gradient(middles)
-    side = jnp.sign(jax.lax.stop_gradient(-jnp.sum(normals * uphill)))
+    _, uphill = jax.lax.stop_gradient(sided.value_and_gradient(points))
+    side = -jnp.sign(jax.lax.stop_gradient(jnp.sum(normals * jnp.mean(uphill[corners], axis=1))))
     return points, corners, side * normals, sided
 
 

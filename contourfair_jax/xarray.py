@@ -114,9 +114,9 @@ class FairAccessor:
     ) -> xr.DataArray:
         """Values at new coordinates, given and combined as for `xarray.DataArray.interp`.
 
-        Other coordinates along the axes are left out.
         Numbers and arrays of one axis make a grid; arrays with common dimensions make points.  A
-        dimension that is not named keeps its samples.
+        dimension that is not named keeps its samples.  Other coordinates along the axes are left
+        out.
 
         Parameters
         ----------

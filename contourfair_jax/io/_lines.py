@@ -47,7 +47,10 @@ def write_svg(
     grid: Grid,
     colors: Sequence[str],
 ) -> tuple[str, ...]:
-    """Store one group per level, stroked with one of `colors` each, north or row 0 at the top."""
+    """Store a group for each level, stroked with the colours in turn, from the lowest level on.
+
+    North or row 0 is at the top.
+    """
     height, width = (h * (n - 1) for h, n in zip(grid.spacing, grid.shape, strict=True))
     scale = _SVG_SIZE / max(height, width)
     body = []

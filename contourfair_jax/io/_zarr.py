@@ -118,21 +118,24 @@ def _find(path: Path, key: str | None) -> _Found:
         group = zarr.open_group(path, mode="r", use_consolidated=False)
     first, _, parts = (key or "").partition(",")
     name, rest = ("", key) if "=" in first else (first.strip("/ "), parts or None)
-    known = {each: array for each, array in group.members(None) if isinstance(array, zarr.Array)}
+    known = dict(group.arrays())
+    if not name and any(_is_field(each) and not _is_plain(each) for each in known.values()):
+        return _Found(None, path, key)
+    if name not in known:
+        known = {
+            each: array for each, array in group.members(None) if isinstance(array, zarr.Array)
+        }
     if name and name not in known:
         listed = ", ".join(each for each, array in known.items() if array.ndim >= 2)
         raise InputError(f"holds no array {name!r}; it has {listed or 'none'}")
-    here = {each: array for each, array in known.items() if "/" not in each}
     if not name:
-        fields = {each: array for each, array in known.items() if _is_field(array)}
-        labelled = [each for each in here if each in fields and not _is_plain(here[each])]
-        if not labelled and len(fields) == 1:
-            name = next(iter(fields))
-        elif not labelled and fields:
+        fields = [each for each, array in known.items() if _is_field(array)]
+        if not fields:
+            return _Found(None, path, key)
+        if len(fields) > 1:
             listed = ", ".join(fields)
             raise InputError(f"holds {len(fields)} fields, choose one with a key: {listed}")
-        else:
-            return _Found(None, path, key)
+        (name,) = fields
     if _is_plain(known[name]):
         return _Found(known[name], path, rest)
     inner, _, last = name.rpartition("/")

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._bezier import PlacedNet
 from ._cells import cells_with_values
 from ._codes import Codes
 from ._display import Progress, untold
-from ._field import BezierField
 from ._fill import Filler, Polygon
 from ._lengths import signed_area
 from ._level_notes import level_notes, unproved_note
@@ -72,7 +72,7 @@ class Bands(Members[Band]):
 
 
 def filled(
-    field: BezierField,
+    field: PlacedNet,
     levels: Levels,
     tolerance: float = 0.01,
     *,

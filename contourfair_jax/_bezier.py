@@ -3,7 +3,7 @@
 import functools
 import itertools
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,41 @@ from jaxtyping import Array, Bool, Float, Int
 from ._basis import bernstein
 
 Net = TypeVar("Net", Array, np.ndarray)
+
+
+class PlacedNet(Protocol):
+    """A Bezier net and where it lies: all that finding lines, meshes and trees asks of a field.
+
+    Parameters
+    ----------
+    control_points : array, shape (3 (n_1 - 1) + 1, ..., 3 (n_d - 1) + 1)
+    spacing, origin : array, shape (ndim,)
+        Distance of samples along each axis, and position of the first one.
+    """
+
+    @property
+    def control_points(self) -> Float[Array, "*net"]: ...
+
+    @property
+    def spacing(self) -> Float[Array | np.ndarray, " ndim"]: ...
+
+    @property
+    def origin(self) -> Float[Array | np.ndarray, " ndim"]: ...
+
+    @property
+    def ndim(self) -> int:
+        """Spatial dimensions, 2 or 3."""
+        ...
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Samples along each axis."""
+        ...
+
+    @property
+    def samples(self) -> Float[Array, "*shape"]:
+        """Every third point of the net along all axes."""
+        ...
 
 
 def cubic_bernstein(t: Float[Array, " *batch"], order: int) -> Float[Array, "*batch 4"]:

@@ -7,14 +7,16 @@ in arrays of Bezier points, so that each point of all cells is one contiguous ve
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import jax
 import numpy as np
 
 from ._basis import bernstein, bernstein_derivative
-from ._bezier import cell_extreme, derivatives
-from ._field import BezierField
+from ._bezier import PlacedNet, cell_extreme, derivatives
 from ._method import is_traced
+
+Placed = TypeVar("Placed", bound=PlacedNet)
 
 # Points evaluated in one go.
 _BATCH = 1 << 14
@@ -33,7 +35,7 @@ class HostField:
     net: np.ndarray
 
     @classmethod
-    def of(cls, field: BezierField) -> "HostField":
+    def of(cls, field: PlacedNet) -> "HostField":
         """The net of a field, widened; ValueError for one that is not known."""
         return cls(np.asarray(known(field).control_points).astype(np.float64))
 
@@ -113,7 +115,7 @@ class HostField:
         ]
 
 
-def known(field: BezierField) -> BezierField:
+def known(field: Placed) -> Placed:
     """The field with known arrays, also of one that is being differentiated.
 
     Raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from .io import Grid, InputError, MissingPackageError, replacing
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
-    from ._field import BezierField
+    from ._bezier import PlacedNet
     from .adaptive import AdaptiveField
     from .isosurface import Isosurface
 
@@ -28,7 +28,23 @@ _WRITERS = {
 MESH_SUFFIXES = tuple(_WRITERS)
 
 
-def bezier_grid(field: BezierField) -> vtkUnstructuredGrid:
+class Leaves(Protocol):
+    """Vertices, their values, and the corners and depths of leaves: those of an `AdaptiveField`."""
+
+    @property
+    def vertices(self) -> np.ndarray: ...
+
+    @property
+    def values(self) -> np.ndarray: ...
+
+    @property
+    def leaves(self) -> np.ndarray: ...
+
+    @property
+    def depths(self) -> np.ndarray: ...
+
+
+def bezier_grid(field: PlacedNet) -> vtkUnstructuredGrid:
     """The field as Bezier cells of degree 3 that share the points of its net.
 
     Cells with NaN are left out.  Point data ``field`` has the Bezier points.
@@ -66,7 +82,7 @@ def bezier_grid(field: BezierField) -> vtkUnstructuredGrid:
     return grid
 
 
-def leaf_grid(adaptive: AdaptiveField, grid: Grid | None = None) -> vtkUnstructuredGrid:
+def leaf_grid(adaptive: Leaves, grid: Grid | None = None) -> vtkUnstructuredGrid:
     """The leaves of an adaptive field as quads or hexahedra; see `AdaptiveField.to_vtk`."""
     model, support = _modules("vtkCommonDataModel"), _modules("util.numpy_support")
     ndim = adaptive.vertices.shape[1]

@@ -7,10 +7,10 @@ import jax
 import numpy as np
 
 from ._arcs import Arcs, arcs, concatenate
+from ._bezier import PlacedNet
 from ._cells import grid_cells
 from ._codes import Codes
 from ._display import Progress, untold
-from ._field import BezierField
 from ._host import known
 from ._shift import Values
 from ._subdivide import leaves
@@ -45,7 +45,7 @@ def trace(
     return concatenate(found), unproved
 
 
-def host_arrays(field: BezierField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def host_arrays(field: PlacedNet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Net, spacing and origin of a 2-D field on the host.
 
     Raises

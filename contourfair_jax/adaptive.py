@@ -15,8 +15,8 @@ import jax
 import numpy as np
 
 from ._basis import bernstein
+from ._bezier import PlacedNet
 from ._display import Progress, untold
-from ._field import BezierField
 from ._host import HostField
 from ._tree import MOST_DEPTH, Tree, balance, split, whole
 from .io import check_memory
@@ -105,7 +105,7 @@ class AdaptiveField:
         return leaf_grid(self, grid)
 
 
-def adaptive(field: BezierField, tolerance: float, *, progress: Progress = untold) -> AdaptiveField:
+def adaptive(field: PlacedNet, tolerance: float, *, progress: Progress = untold) -> AdaptiveField:
     """The coarsest quadtree (octree) over the cells of a field that is proved to be near to it.
 
     Parameters
@@ -179,7 +179,7 @@ def _check_reach(errors: list[np.ndarray], tolerance: float, ndim: int) -> int:
     return int(count)
 
 
-def uniform_error(field: BezierField, depth: int) -> float:
+def uniform_error(field: PlacedNet, depth: int) -> float:
     """Proved error of the multilinear interpolant where all cells are halved `depth` times.
 
     As of an `AdaptiveField` with leaves of one depth.
@@ -274,7 +274,7 @@ def _multilinear(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def _assembled(
-    field: BezierField, tree: Tree, corners: list[np.ndarray], error: float
+    field: PlacedNet, tree: Tree, corners: list[np.ndarray], error: float
 ) -> AdaptiveField:
     """Vertices numbered once each."""
     finest = len(tree.corners) - 1

@@ -18,10 +18,10 @@ import numpy as np
 from ._bands import Band as Band
 from ._bands import Bands as Bands
 from ._bands import filled as filled
+from ._bezier import PlacedNet
 from ._codes import Codes
 from ._contour_line import ContourLine as ContourLine
 from ._display import Progress, untold
-from ._field import BezierField
 from ._level_notes import level_notes, listed, unproved_note
 from ._link import link
 from ._members import Members
@@ -69,7 +69,7 @@ class Contours(Members[ContourLine]):
 
 
 def contours(
-    field: BezierField,
+    field: PlacedNet,
     levels: Levels,
     tolerance: float = 0.01,
     *,

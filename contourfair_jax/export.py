@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection, PathCollection
 
-    from ._field import BezierField
+    from ._bezier import PlacedNet
 
 Notes = tuple[str, ...]
 
 
-def grid_of(field: BezierField, crs: str | None = None) -> Grid:
+def grid_of(field: PlacedNet, crs: str | None = None) -> Grid:
     """The grid of a field in its own coordinates, axis 0 upwards, for files and pictures.
 
     Parameters

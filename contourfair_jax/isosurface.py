@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._bezier import PlacedNet
 from ._display import Progress, untold
-from ._field import BezierField
 from ._host import HostField, known
 from ._level_notes import rounding_note
 from ._shift import values_of
@@ -100,7 +100,7 @@ class Isosurface:
 
 
 def isosurface(
-    field: BezierField,
+    field: PlacedNet,
     level: float,
     tolerance: float = 0.01,
     *,

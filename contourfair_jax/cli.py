@@ -11,51 +11,23 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from ._cli_compare import COMMANDS as COMPARING
 from ._cli_contours import COMMANDS as CONTOURS
+from ._cli_info import COMMANDS as INFORMING
 from ._cli_meshes import COMMANDS as MESHES
 from ._cli_metrics import COMMANDS as METRICS
 from ._cli_resample import COMMANDS as RESAMPLING
+from ._cli_upsample import COMMANDS as UPSAMPLING
 from ._console import Reporter
-from ._describe import facts, information
-from ._factors import Factor
-from ._levels import check_choice
 from ._options import (
     SUMMARY,
-    WRITABLE,
-    Bands,
-    Count,
-    Crop,
-    Fill,
-    Input,
-    Interval,
-    Iterations,
-    Json,
-    Key,
-    Levels,
-    Memory,
-    Method,
-    Periodic,
-    Quiet,
-    Resume,
-    Sigma,
-    Single,
-    Weight,
-    Workers,
     examples,
-    output,
 )
-from ._recipe import Recipe, Settings
-from ._run import check_fairable, fair, precision
-from ._steps import check_suffix, levels_of, load
-from ._upsample import upsample_whole
-from ._upsample_tiles import Division, is_tiled, upsample_in_tiles
-from ._window import choose_window
-from .io import InputError, read
+from .io import InputError
 
 app = typer.Typer(
     name="contourfair",
@@ -91,134 +63,12 @@ def _options_of_all(
     """Options of the program itself; `SUMMARY` is its help."""
 
 
-@app.command(
-    epilog=examples(
-        "contourfair upsample dem.tif -o dem_4x.tif",
-        "contourfair upsample image.tif -o image_2x.tif --all-bands --factor 2",
-        "contourfair upsample scan.npz --key data -o scan_2x.npz --factor 2",
-        "contourfair upsample head.nii.gz -o head_even.nii.gz --factor z=4",
-        "contourfair upsample big.zarr -o big_4x.zarr --workers 2 --resume",
-    )
-)
-def upsample(
-    source: Input,
-    target: Annotated[Path, output(f"File for the finer samples: {WRITABLE}.")],
-    factor: Annotated[
-        str,
-        typer.Option(
-            "--factor",
-            "-f",
-            help="How many times finer; 1,1,4 for every axis in order, z=4 for one by its name.",
-        ),
-    ] = "4",
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
-    key: Key = None,
-    bands: Bands = False,
-    single: Single = False,
-    workers: Workers = 1,
-    resume: Resume = False,
-    memory: Memory = None,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Refine samples on the fair field: every sample is kept, and positions stay right.
+# A command is one module and one row here; in this order they are listed by ``--help``.
+_COMMANDS = (UPSAMPLING, RESAMPLING, CONTOURS, COMPARING, MESHES, METRICS, INFORMING)
 
-    The result has [bold]factor * (n - 1) + 1[/] samples per axis, [bold]factor * n[/] where it is
-    periodic.  Missing samples stay missing.
-
-    Zarr folders, and large .npy files, are written part by part: they need not fit in memory.
-    """
-    say = Reporter(quiet, as_json)
-    finer = Factor.parse(factor)
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
-    tiling = Division(workers, resume, memory)
-    if bands and key is not None:
-        raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
-    if is_tiled(source, target, recipe, tiling) and not bands:
-        made = upsample_in_tiles(source, target, key, finer, recipe, tiling, say)
-    else:
-        made = upsample_whole(source, target, key, finer, recipe, say, bands)
-    say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
-
-
-for _command, _examples in {**RESAMPLING, **CONTOURS}.items():
-    app.command(epilog=_examples)(_command)
-
-
-@app.command(
-    epilog=examples(
-        "contourfair compare dem.tif -o figure.png",
-        "contourfair compare dem.tif -o figure.png --crop 120:180,200:260 --interval 20",
-    )
-)
-def compare(
-    source: Input,
-    target: Annotated[Path, output("Picture to write, a .png.")],
-    levels: Levels = None,
-    interval: Interval = None,
-    count: Count = None,
-    crop: Crop = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    key: Key = None,
-    single: Single = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
-) -> None:
-    """Show bilinear, thin plate and fair contours of the same samples side by side."""
-    from .plot import BilinearField, compare_figure, save_figure
-
-    say = Reporter(quiet, as_json)
-    check_suffix(target, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
-    check_choice(levels, interval, count)
-    whole = load(source, key, target, recipe, say)
-    check_fairable(whole, ndim=(2,))
-    ranges, note = choose_window(whole, crop)
-    if note:
-        say.note(note)
-    grid = whole.crop(ranges)
-    (top, bottom), (left, right) = ranges
-    shown = f"rows {top}:{bottom}, columns {left}:{right}"
-    check_fairable(grid, ndim=(2,))
-    chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing the samples and drawing"):
-        plain = fair(grid, Recipe("local", Settings(iterations=0)))
-        faired = fair(grid, recipe)
-        panels = {
-            "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),
-            "thin plate": plain,
-            "faired": faired,
-        }
-        figure = compare_figure(panels, chosen, grid=grid, title=f"{source.name}: {shown}")
-        save_figure(figure, target)
-    say.done(target, f"{shown}, {len(chosen)} levels", window=ranges, levels=chosen)
-
-
-for _command, _examples in {**MESHES, **METRICS}.items():
-    app.command(epilog=_examples)(_command)
-
-
-@app.command(epilog=examples("contourfair info dem.tif"))
-def info(source: Input, key: Key = None, quiet: Quiet = False, as_json: Json = False) -> None:
-    """Show what a file holds: size, type, range, spacing, place, missing samples."""
-    grid = read(source, key)
-    say = Reporter(quiet, as_json)
-    for note in grid.notes:
-        say.note(note)
-    if as_json:
-        say.result(facts(grid))
-        return
-    for name, text in information(grid):
-        typer.echo(f"{name:<12} {text}")
+for _rows in _COMMANDS:
+    for _command, _examples in _rows.items():
+        app.command(epilog=_examples)(_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -865,7 +865,7 @@ def test_failures_as_json(run, tmp_path, monkeypatch, arguments, code, said):
     monkeypatch.chdir(tmp_path)
     np.save("in.npy", hill())
     if code != 2:
-        monkeypatch.setattr(cli, "read", fault)
+        monkeypatch.setattr("contourfair_jax._cli_info.read", fault)
     found, out, err = run(*arguments, "--json")
     assert found == code
     assert json.loads(out)["error"].startswith(said)

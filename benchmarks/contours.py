@@ -26,8 +26,8 @@ import contourfair_jax as cf
 from benchmarks import data, engine, report
 from benchmarks.report import Result, Track
 from contourfair_jax import io, metrics
+from contourfair_jax._fairing.method import AbstractFairing
 from contourfair_jax._field import BezierField
-from contourfair_jax._method import AbstractFairing
 
 X64 = True
 SIZE, FACTOR, LEVELS = 1024, 4, 10

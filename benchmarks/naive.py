@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from contourfair_jax._basis import TO_BEZIER, bernstein_derivative, kronecker, quadrature
-from contourfair_jax._merge import scatter_patches, set_samples
-from contourfair_jax._stencil import neighbourhoods
+from contourfair_jax._bezier.bernstein import bernstein_derivative, kronecker, quadrature
+from contourfair_jax._bezier.nets import set_samples
+from contourfair_jax._fairing.local_fairing.splines import TO_BEZIER
+from contourfair_jax._fairing.local_fairing.windows import neighbourhoods, scatter_patches
 
 BATCH = {2: 256, 3: 8}
 

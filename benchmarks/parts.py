@@ -18,11 +18,14 @@ import contourfair_jax as cf
 from benchmarks import clock, report
 from benchmarks.cost import waves
 from benchmarks.report import Result, Track
-from contourfair_jax import _global, _local, _solve
-from contourfair_jax._energy import LocalEnergy
-from contourfair_jax._form import energy_form, structure_form
-from contourfair_jax._least_energy import LinearSystem
-from contourfair_jax._xla import apart
+from contourfair_jax._fairing.global_fairing.cell_form import energy_form, structure_form
+from contourfair_jax._fairing.global_fairing.cell_weights import Powers
+from contourfair_jax._fairing.global_fairing.linear_system import LinearSystem
+from contourfair_jax._fairing.local_fairing import solvers
+from contourfair_jax._fairing.local_fairing.energy import LocalEnergy
+from contourfair_jax._fairing.local_fairing.method import _batches, contour_tensors
+from contourfair_jax._fairing.small_systems import batched
+from contourfair_jax._support.xla import apart
 
 LOCAL = ((512, 512), (24, 24, 24))
 GLOBAL = ((1024, 1024), (64, 64, 64))
@@ -85,39 +88,39 @@ def _local_parts(shape: tuple[int, ...]) -> Parts:
     """Stages of local fairing, on a batch for each core, for all vertices and all iterations."""
     method, ndim = cf.LocalFairing(), len(shape)
     energy = LocalEnergy(jnp.ones(ndim, jnp.float32), method.quadrature_order)
-    cores, batch = _local._batches(energy, jnp.dtype(jnp.float32))
+    cores, batch = _batches(energy, jnp.dtype(jnp.float32))
     given, fairing = energy.sample_hessians[0, 0].shape[1], energy.fairing_hessians[0, 0].shape[1]
     every = jax.tree.map(lambda table: jnp.stack([table] * cores), energy)
     random = np.random.default_rng(0)
     coefficients = jnp.asarray(random.normal(size=(cores, given + fairing, batch)), jnp.float32)
 
     def gradients(x: Array, energy: LocalEnergy) -> list[Array]:
-        return _solve.batched(energy.gradients)(x)
+        return batched(energy.gradients)(x)
 
     def normals(first: Array, others: list[Array], energy: LocalEnergy) -> dict:
-        return _local.contour_tensors(energy, [first, *others], method.thin_plate_weight)
+        return contour_tensors(energy, [first, *others], method.thin_plate_weight)
 
     def assembly(first: Array, others: dict, energy: LocalEnergy) -> Array:
         return energy.matrix({(0, 0): first} | others)
 
     def right_side(samples: Array, tensor: dict, energy: LocalEnergy) -> Array:
-        return _solve.batched(energy.right_side)(tensor, samples)
+        return batched(energy.right_side)(tensor, samples)
 
     def substitution(right: Array, panels: list) -> Array:
-        return _solve.substitute(panels, right)
+        return solvers.substitute(panels, right)
 
     first, *others = jax.vmap(gradients)(coefficients, every)
     tensor = jax.vmap(normals)(first, others, every)
     rest = {axes: part for axes, part in tensor.items() if axes != (0, 0)}
     matrices = jax.vmap(assembly)(tensor[0, 0], rest, every)
-    panels = jax.vmap(_solve.eliminate)(matrices)
+    panels = jax.vmap(solvers.eliminate)(matrices)
     calls = np.prod([n - 2 for n in shape]) / (cores * batch) * method.iterations
     seconds = {
         "gradients": _each(jax.vmap(gradients), coefficients, every),
         "normals": _each(jax.vmap(normals), first, others, every),
         "assembly": _each(jax.vmap(assembly), tensor[0, 0], rest, every),
         "right side": _each(jax.vmap(right_side), coefficients[:, :given], tensor, every),
-        "elimination": _each(jax.vmap(_solve.eliminate), matrices),
+        "elimination": _each(jax.vmap(solvers.eliminate), matrices),
         "substitution": _each(jax.vmap(substitution), coefficients[:, given:], panels),
     }
     scaled = {name: one * calls for name, one in seconds.items()}
@@ -136,7 +139,7 @@ def _global_parts(shape: tuple[int, ...]) -> Parts:
     dofs = jnp.zeros((2 ** len(shape), int(np.prod(shape))), jnp.float32)
     dofs = dofs.at[0].set(jnp.asarray(waves(shape)).ravel())
     free = jnp.ones(dofs.shape, bool).at[0].set(False)
-    powers = _global.Powers(jnp.float32(method.thin_plate_weight), jnp.float32(method.norm))
+    powers = Powers(jnp.float32(method.thin_plate_weight), jnp.float32(method.norm))
     weights = method._weights(structure, energy, dofs, powers)
     system = LinearSystem(energy, weights, dofs, free, jnp.zeros(dofs.shape[1], jnp.float32))
     inverse = energy.inverse_blocks(weights, system.pins, free)

@@ -8,7 +8,7 @@ import contourfair_jax as cf
 from benchmarks import data, engine, report
 from benchmarks.data import RealField
 from benchmarks.report import Result, Track
-from contourfair_jax._split import edges_of
+from contourfair_jax.isosurface._mesh import edges_of
 
 X64 = True
 TOLERANCE = 0.1

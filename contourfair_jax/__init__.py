@@ -3,6 +3,8 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from ._version import __version__ as __version__
+
 if TYPE_CHECKING:
     from . import adaptive as adaptive
     from . import contours as contours
@@ -14,36 +16,35 @@ if TYPE_CHECKING:
     from . import metrics as metrics
     from . import plot as plot
     from . import tiles as tiles
-    from ._cross_validation import cross_validation_error as cross_validation_error
+    from ._fair import FairUpsample as FairUpsample
     from ._fair import fair_field as fair_field
+    from ._fairing.global_fairing.method import GlobalFairing as GlobalFairing
+    from ._fairing.local_fairing.method import LocalFairing as LocalFairing
+    from ._fairing.local_fairing.solvers import LU as LU
+    from ._fairing.local_fairing.solvers import AbstractSolver as AbstractSolver
+    from ._fairing.local_fairing.solvers import Cholesky as Cholesky
+    from ._fairing.local_fairing.solvers import LeastSquares as LeastSquares
+    from ._fairing.method import AbstractFairing as AbstractFairing
+    from ._fairing.tuning import cross_validation_error as cross_validation_error
+    from ._fairing.tuning import tune as tune
     from ._field import BezierField as BezierField
-    from ._global import GlobalFairing as GlobalFairing
-    from ._layer import FairUpsample as FairUpsample
-    from ._local import LocalFairing as LocalFairing
-    from ._method import AbstractFairing as AbstractFairing
-    from ._solve import LU as LU
-    from ._solve import AbstractSolver as AbstractSolver
-    from ._solve import Cholesky as Cholesky
-    from ._solve import LeastSquares as LeastSquares
-    from ._tune import tune as tune
 
-__version__ = "0.1.0"
 
 # The module of every public name.  Modules are imported when they or a name is first used, so that
 # the command line answers `--help`, and files are read, without importing JAX.
 _MODULE_OF = {
-    "AbstractFairing": "_method",
-    "AbstractSolver": "_solve",
+    "AbstractFairing": "_fairing.method",
+    "AbstractSolver": "_fairing.local_fairing.solvers",
     "BezierField": "_field",
-    "Cholesky": "_solve",
-    "FairUpsample": "_layer",
-    "GlobalFairing": "_global",
-    "LU": "_solve",
-    "LeastSquares": "_solve",
-    "LocalFairing": "_local",
-    "cross_validation_error": "_cross_validation",
+    "Cholesky": "_fairing.local_fairing.solvers",
+    "FairUpsample": "_fair",
+    "GlobalFairing": "_fairing.global_fairing.method",
+    "LU": "_fairing.local_fairing.solvers",
+    "LeastSquares": "_fairing.local_fairing.solvers",
+    "LocalFairing": "_fairing.local_fairing.method",
+    "cross_validation_error": "_fairing.tuning",
     "fair_field": "_fair",
-    "tune": "_tune",
+    "tune": "_fairing.tuning",
 }
 
 _MODULES = (

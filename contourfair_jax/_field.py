@@ -10,17 +10,18 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from . import _check
-from ._bezier import cell_extreme, refine_axis
-from ._method import FitReport
-from ._precision import finest
-from ._queries import OUTSIDE, full_hessian, mean_curvature, partials
+from ._bezier.evaluate import OUTSIDE, full_hessian, mean_curvature, partials
+from ._bezier.nets import cell_extreme, refine_axis
+from ._fairing.method import FitReport
+from ._support import checks
+from ._support.arrays import finest
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+    from ._level_sets import Levels
     from .adaptive import AdaptiveField
-    from .contours import Bands, Contours, Levels
+    from .contours import Bands, Contours
     from .isosurface import Isosurface
 
 
@@ -201,7 +202,7 @@ class BezierField(eqx.Module):
             For a factor that is not an integer of at least 1.
         """
         values = self.control_points
-        for axis, finer in enumerate(_check.check_factors(factor, self.ndim)):
+        for axis, finer in enumerate(checks.check_factors(factor, self.ndim)):
             values = refine_axis(values, axis, finer)
         return values
 
@@ -249,7 +250,7 @@ class BezierField(eqx.Module):
         MissingPackageError
             Where VTK is not installed.
         """
-        from ._to_vtk import bezier_grid
+        from ._vtk import bezier_grid
 
         return bezier_grid(self)
 
@@ -283,6 +284,6 @@ class BezierField(eqx.Module):
 
     def _derivatives(self, points: ArrayLike, outside: str, order: int) -> list[Array]:
         """Partial derivatives of orders 0 to `order` at physical coordinates."""
-        _check.check_choice(outside, OUTSIDE, "outside")
-        places = _check.check_points(points, self.ndim)
+        checks.check_choice(outside, OUTSIDE, "outside")
+        places = checks.check_points(points, self.ndim)
         return partials(self.control_points, self.spacing, self.origin, places, outside, order)

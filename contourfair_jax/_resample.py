@@ -1,98 +1,35 @@
-"""The fair field at the samples of another grid."""
+"""The fair field at the samples of another grid, or cut to one turn of periodic axes."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._per_axis import PerAxis
-from .io import Grid, InputError
-from .io._cf import same_system
-from .io._grid import no_samples
+from ._grid.grid import Grid
+from ._grid.periodic import margin_of
+from ._grid.resample import NEAR
 
 if TYPE_CHECKING:
     from ._field import BezierField
 
+
+def one_turn(field: BezierField, counts: Sequence[int | None]) -> BezierField:
+    """The field from the first sample through that of the next turn.
+
+    `counts` has the samples of one turn of each axis that was given its turns, else None.
+    """
+    part = tuple(
+        slice(None) if n is None else slice(3 * margin_of(n), 3 * (margin_of(n) + n) + 1)
+        for n in counts
+    )
+    return replace(field, control_points=field.control_points[part], report=None)
+
+
 # Points that are evaluated at a time.
 _BATCH = 1 << 18
-# Points this near to samples along an axis, in steps, are there: coordinates are rounded.
-_ROUNDED = 1e-6
-
-
-def parse_spacing(text: str) -> PerAxis[float]:
-    """What ``10``, ``2,1,1`` or ``z=1`` ask for.
-
-    Raises
-    ------
-    InputError
-        The text is none of these, or a number is not above zero.
-    """
-    wanted = (
-        "a number such as 10, one for each axis such as 2,1,1, or given by names such as z=1, in "
-        "the units of the coordinates"
-    )
-    given = PerAxis.parse("--spacing", text, float, wanted)
-    if not all(0 < step < math.inf for step in given.numbers):
-        raise InputError(f"--spacing must be above zero, got {text}")
-    return given
-
-
-def spaced(grid: Grid, steps: Sequence[float]) -> Grid:
-    """An outline from the first sample of the grid on, with other steps, within its samples.
-
-    Raises
-    ------
-    InputError
-        A step is longer than the grid.
-    """
-    ratios = np.asarray(steps) / grid.steps
-    last = np.asarray(grid.shape) - 1
-    for name, step, whole in zip(grid.axes, steps, last * grid.steps, strict=True):
-        if step > whole * (1 + _ROUNDED):
-            raise InputError(
-                f"--spacing {step:g} is longer than all of axis {name!r}, {whole:g} in the "
-                "coordinates of the file"
-            )
-    shape = tuple(int(n) + 1 for n in np.floor(last / ratios + _ROUNDED))
-    return grid.on_finer(no_samples(shape, grid.values.dtype), (1 / ratios).tolist())
-
-
-def alike(grid: Grid, other: Grid) -> Grid:
-    """An outline with what `grid` says of its samples, where those of `other` lie.
-
-    Raises
-    ------
-    InputError
-        The grids have no common coordinates.
-    """
-    if grid.ndim != other.ndim:
-        raise InputError(f"--like is {other.ndim}-D, the samples are {grid.ndim}-D")
-    if grid.axes != other.axes and set(grid.axes) == set(other.axes):
-        raise InputError(
-            f"--like has the axes {', '.join(other.axes)}, the samples {', '.join(grid.axes)}: "
-            "both must be in one order"
-        )
-    if (grid.affine is None) != (other.affine is None):
-        which = "the samples lie" if grid.affine is None else "those of --like lie"
-        raise InputError(f"it is not known where {which}, so the files have no common coordinates")
-    if grid.crs and other.crs and not same_system(grid.crs, other.crs):
-        raise InputError("--like has another coordinate reference system; reproject one of them")
-    ratios = np.asarray(grid.steps) / other.steps
-    return replace(
-        grid.on_finer(no_samples(other.shape, grid.values.dtype), ratios.tolist()),
-        origin=other.origin if other.affine is None else (),
-        affine=other.affine,
-        crs=grid.crs or other.crs,
-    )
-
-
-def coarsening(grid: Grid, outline: Grid) -> float:
-    """How many times farther apart the samples of the outline are, along the worst axis."""
-    return float(np.divide(outline.steps, grid.steps).max())
 
 
 def resampled(
@@ -119,7 +56,7 @@ def resampled(
             for axis in periodic:
                 places[:, axis] %= grid.shape[axis]
             near = np.rint(places).clip(0, last)
-            places = np.where(abs(places - near) <= _ROUNDED, near, places)
+            places = np.where(abs(places - near) <= NEAR, near, places)
             outside += int(((places < 0) | (places > last)).any(-1).sum())
             values[numbers] = _beside_gaps(evaluate, samples, places, evaluate(places))
     return values.reshape(outline.shape), outside

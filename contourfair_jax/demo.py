@@ -19,23 +19,40 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from . import AbstractFairing, BezierField, GlobalFairing, LocalFairing, fair_field, metrics, tune
-from ._compare import bilinear_field
-from ._console import Reporter
-from ._run import precision
+from . import metrics
+from ._fair import fair_field
+from ._fairing.global_fairing.method import GlobalFairing
+from ._fairing.local_fairing.method import LocalFairing
+from ._fairing.method import AbstractFairing
+from ._fairing.tuning import tune
+from ._field import BezierField
+from ._grid.grid import Grid
+from ._support.errors import InputError
+from .cli._console import Reporter
+from .cli._steps import precision
 from .contours import Contours
-from .io import Grid, InputError, example, write, write_geojson
+from .export import write_geojson
+from .io import example, write
+from .metrics import bilinear_field
 from .plot import compare_figure, save_figure
 
 FACTOR = 4
+
+
 # Of the contours, in cells: 2 m.
 TOLERANCE = 0.03
+
+
 # The samples are whole metres: half a metre up, no contour runs along a plateau.
 INTERVAL, OFFSET = 50.0, 0.5
+
+
 # A narrow ridge that crosses the grid obliquely, and closer levels to show it.
 ROWS, COLUMNS, CLOSE = (44, 62), (350, 370), 20.0
 
+
 Method = Callable[[Grid], BezierField]
+
 
 app = typer.Typer(add_completion=False)
 
@@ -69,6 +86,8 @@ METHODS: Mapping[str, Method] = {
     "local": fairing(LocalFairing()),
     "global": fairing(GlobalFairing()),
 }
+
+
 # The method whose samples and contours are written.
 STORED = "global"
 

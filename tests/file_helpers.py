@@ -25,7 +25,7 @@ def read_inside(module: str, reader: str, path: Path, key: str | None) -> Grid:
 @pytest.fixture
 def inside(monkeypatch):
     """Read all formats in this process: the same code, without half a second for every file."""
-    monkeypatch.setattr("contourfair_jax.io._formats.read_isolated", read_inside)
+    monkeypatch.setattr("contourfair_jax.io._table.read_isolated", read_inside)
 
 
 def samples(dtype="float32", shape=(4, 5, 6)) -> np.ndarray:

@@ -6,8 +6,8 @@ import pytest
 from splines import catmull_rom
 
 import contourfair_jax as cf
-from contourfair_jax._tree import balance, split, whole
 from contourfair_jax.adaptive import adaptive, uniform_error
+from contourfair_jax.adaptive._tree import balance, split, whole
 
 
 def bump(ndim, n=8):
@@ -166,7 +166,7 @@ def test_a_tolerance_that_is_too_fine(monkeypatch):
 def test_what_cannot_be_reached_is_refused_early(monkeypatch, tolerance, memory, message):
     """The whole tree would have hundreds of thousands of leaves or more."""
     passes = []
-    monkeypatch.setattr("contourfair_jax.io._limits.physical_memory", lambda: memory)
+    monkeypatch.setattr("contourfair_jax._support.memory.physical_memory", lambda: memory)
     monkeypatch.setattr(
         "contourfair_jax.adaptive.split", lambda *tree: passes.append(1) or split(*tree)
     )

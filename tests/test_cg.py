@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from contourfair_jax._cg import conjugate_gradients
+from contourfair_jax._fairing.global_fairing.linear_system import conjugate_gradients
 
 SIZE = 12
 BOTH = pytest.mark.both_precisions

@@ -19,10 +19,10 @@ from rasterio.transform import Affine
 
 import contourfair_jax as cf
 from contourfair_jax import cli, plot
-from contourfair_jax._console import Reporter
-from contourfair_jax._levels import choose_levels, even_levels, interval_levels, listed_levels
-from contourfair_jax._recipe import METHODS
-from contourfair_jax._window import busiest_window
+from contourfair_jax.cli._compare import busiest_window
+from contourfair_jax.cli._console import Reporter
+from contourfair_jax.cli._levels import choose_levels, even_levels, interval_levels, listed_levels
+from contourfair_jax.cli._recipe import METHODS
 from contourfair_jax.io import FORMATS, Grid, InputError, read, read_bands, write, write_bands
 from contourfair_jax.isosurface import Isosurface
 
@@ -742,7 +742,7 @@ def test_bad_calls_end_in_one_line_and_code_2(run, tmp_path, monkeypatch, argume
 def test_what_a_format_cannot_hold_is_said_before_any_fairing(
     run, tmp_path, monkeypatch, dtype, gap, said
 ):
-    monkeypatch.setattr("contourfair_jax._upsample.fair", None)
+    monkeypatch.setattr("contourfair_jax.cli._upsample.fair", None)
     values, missing = hill(dtype) + np.dtype(dtype).type(1), np.zeros(SHAPE, bool)
     missing[:3, :3] = gap
     given = {"missing": missing, "nodata": 0} if gap else {}
@@ -752,7 +752,7 @@ def test_what_a_format_cannot_hold_is_said_before_any_fairing(
 
 
 def test_samples_below_zero_are_said_before_any_fairing(run, tmp_path, monkeypatch):
-    monkeypatch.setattr("contourfair_jax._upsample.fair", None)
+    monkeypatch.setattr("contourfair_jax.cli._upsample.fair", None)
     np.save(tmp_path / "in.npy", hill() - 50)
     call = ("upsample", tmp_path / "in.npy", "-o", tmp_path / "out.png", "-f", 1, "-q")
     code, _, err = run(*call)
@@ -805,7 +805,7 @@ def test_faults_of_the_program_are_code_1_and_leave_nothing(run, dem, tmp_path, 
     def broken(*_):
         raise TypeError("first line\nsecond line")
 
-    monkeypatch.setattr("contourfair_jax._upsample.fair", broken)
+    monkeypatch.setattr("contourfair_jax.cli._upsample.fair", broken)
     code, out, err = run("upsample", dem, "-o", tmp_path / "out.tif", "-q")
     assert (code, out) == (1, "")
     assert "internal error, TypeError: first line (set" in one_line(err)
@@ -818,7 +818,7 @@ def test_an_interrupt_is_code_130(run, dem, tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("contourfair_jax._upsample.fair", interrupted)
+    monkeypatch.setattr("contourfair_jax.cli._upsample.fair", interrupted)
     assert run("upsample", dem, "-o", tmp_path / "out.tif")[0] == 130
     assert os.listdir(tmp_path) == ["dem.tif"]
 
@@ -865,7 +865,7 @@ def test_failures_as_json(run, tmp_path, monkeypatch, arguments, code, said):
     monkeypatch.chdir(tmp_path)
     np.save("in.npy", hill())
     if code != 2:
-        monkeypatch.setattr("contourfair_jax._cli_info.read", fault)
+        monkeypatch.setattr("contourfair_jax.cli._info.read", fault)
     found, out, err = run(*arguments, "--json")
     assert found == code
     assert json.loads(out)["error"].startswith(said)
@@ -927,18 +927,18 @@ def test_every_method_of_the_table_is_in_the_help(run):
 
 
 def test_long_work_is_announced_and_short_work_is_not(capsys, monkeypatch):
-    monkeypatch.setattr("contourfair_jax._console._PATIENCE", 0.05)
+    monkeypatch.setattr("contourfair_jax.cli._console._PATIENCE", 0.05)
     with Reporter().working("long work"):
         time.sleep(0.3)
     assert capsys.readouterr().err == "long work ...\n"
-    monkeypatch.setattr("contourfair_jax._console._PATIENCE", 60.0)
+    monkeypatch.setattr("contourfair_jax.cli._console._PATIENCE", 60.0)
     with Reporter().working("short work"):
         pass
     assert capsys.readouterr() == ("", "")
 
 
 def test_a_terminal_gets_a_bar_that_goes_away(capsys, monkeypatch):
-    monkeypatch.setattr("contourfair_jax._console._PATIENCE", 0.05)
+    monkeypatch.setattr("contourfair_jax.cli._console._PATIENCE", 0.05)
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     with Reporter().working("long work") as move:

@@ -14,8 +14,8 @@ from splines import catmull_rom
 
 import contourfair_jax as cf
 from contourfair_jax import metrics
+from contourfair_jax._bezier.roots import cubic_root
 from contourfair_jax._field import BezierField
-from contourfair_jax._roots import cubic_root
 from contourfair_jax.contours import ContourLine, Contours, contours, filled
 
 GRID = cases.GRIDS[2][1]

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import contourfair_jax as cf
-from contourfair_jax._fixed_point import fixed_point
-from contourfair_jax._working_set import working_set
+from contourfair_jax._fairing.global_fairing.renewals import fixed_point
+from contourfair_jax._support.xla import working_set
 
 SLOW = pytest.mark.slow
 BOTH = pytest.mark.both_precisions

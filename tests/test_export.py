@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 import contourfair_jax as cf
 from contourfair_jax import export, metrics, plot
-from contourfair_jax._plot_frame import frame_of
 from contourfair_jax.contours import Band, contours
 from contourfair_jax.io import Grid, InputError, MissingPackageError
+from contourfair_jax.plot._frame import frame_of
 
 UTM = "EPSG:32633"
 NORTH_UP = np.array([[-30.0, 0.0, 5_000_000.0], [0.0, 20.0, 400_000.0], [0.0, 0.0, 1.0]])
@@ -218,7 +218,7 @@ def test_a_map_has_north_at_the_top_and_lines_on_their_values(terrain):
 
 
 def test_leaves_lie_where_the_file_says(terrain):
-    from contourfair_jax._plot_leaves import leaf_figure
+    from contourfair_jax.plot._surfaces import leaf_figure
 
     grid, field = terrain
     ax = leaf_figure(field.adaptive(0.1), grid).axes[0]

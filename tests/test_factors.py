@@ -10,7 +10,7 @@ import xarray as xr
 import contourfair_jax as cf
 import contourfair_jax.xarray
 from contourfair_jax import cli, tiles
-from contourfair_jax._factors import Factor
+from contourfair_jax.cli._per_axis import Factor
 from contourfair_jax.io import Grid, InputError, read, write
 
 SHAPE = (9, 11)

@@ -14,8 +14,8 @@ from contourfair_jax.io import (
     Grid,
     InputError,
     MissingPackageError,
-    _formats,
     _isolate,
+    _table,
     check_writable,
     read,
     write,
@@ -329,7 +329,7 @@ def test_every_format_is_read_by_a_child(tmp_path, suffix):
 
 
 def test_both_kinds_of_tiff_are_read_by_a_child(tmp_path, monkeypatch):
-    monkeypatch.setattr("contourfair_jax.io._tiff.read", None)  # here, not there
+    monkeypatch.setattr("contourfair_jax.io.formats.tiff.read", None)  # here, not there
     for name, affine in (("plain", None), ("geo", np.diag([2.0, 1.5, 1.0]))):
         grid = Grid(samples(shape=(4, 5)), affine=affine)
         write(tmp_path / f"{name}.tif", grid)
@@ -397,7 +397,7 @@ def test_a_child_that_cannot_start_is_one_line(tmp_path, monkeypatch):
 def test_a_missing_package_names_the_extra(tmp_path, monkeypatch, each):
     path = tmp_path / f"grid{each.suffixes[0]}"
     path.mkdir() if each.folder else path.write_bytes(b"")
-    monkeypatch.setattr(_formats, "find_spec", lambda name: None)
+    monkeypatch.setattr(_table, "find_spec", lambda name: None)
     extra = each.outside.extra
     with pytest.raises(MissingPackageError, match=rf"needs .*contourfair-jax\[{extra}\]"):
         read(path)

@@ -22,7 +22,7 @@ from test_volumes import UP, ccp4, cube, slices
 
 from contourfair_jax.cli import main
 from contourfair_jax.io import FORMATS, Format, Grid, _isolate, write
-from contourfair_jax.io._formats import NAMELESS_FOLDER
+from contourfair_jax.io._table import NAMELESS_FOLDER
 
 SECONDS = 20
 

@@ -18,8 +18,8 @@ import pytest
 from helpers import assert_close, samples_of
 
 import contourfair_jax as cf
-from contourfair_jax._form import energy_form, structure_form
-from contourfair_jax._working_set import WorkingSet
+from contourfair_jax._fairing.global_fairing.cell_form import energy_form, structure_form
+from contourfair_jax._support.xla import WorkingSet
 from contourfair_jax.io import example
 
 BOTH = pytest.mark.both_precisions
@@ -881,7 +881,9 @@ def test_in_place_in_several_chunks(shape, rng, monkeypatch):
     whole = form.apply(weights, dofs)
     densities = form.densities(dofs)
     small = WorkingSet(window_vertices=10, batch_bytes=5_000, cores=1, core_bytes=5_000)
-    monkeypatch.setattr("contourfair_jax._form.working_set", lambda: small)
+    monkeypatch.setattr(
+        "contourfair_jax._fairing.global_fairing.cell_form.working_set", lambda: small
+    )
     assert form._chunk_size() < vertices
     assert_close(form.apply(weights, dofs), whole, 1e-13)
     assert_close(form.apply_in_place(weights, dofs), whole, 1e-13)

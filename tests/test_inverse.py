@@ -10,11 +10,6 @@ from scipy.interpolate import griddata
 from skimage.measure import find_contours
 
 import contourfair_jax as cf
-from contourfair_jax._boxes import interval_averages
-from contourfair_jax._extent import padded_count
-from contourfair_jax._observe import along
-from contourfair_jax._optimise import search
-from contourfair_jax._prior import cosines
 from contourfair_jax.inverse import (
     BFGS,
     LBFGS,
@@ -28,6 +23,10 @@ from contourfair_jax.inverse import (
     Values,
     fit_samples,
 )
+from contourfair_jax.inverse._extent import padded_count
+from contourfair_jax.inverse._observations import along, interval_averages
+from contourfair_jax.inverse._optimisers import search
+from contourfair_jax.inverse._prior import cosines
 from contourfair_jax.io import example
 
 BOTH = pytest.mark.both_precisions

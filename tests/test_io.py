@@ -16,9 +16,10 @@ from PIL import Image
 from rasterio.transform import Affine
 
 from contourfair_jax import export
+from contourfair_jax.contours import ContourLine
+from contourfair_jax.export import write_geojson, write_svg
 from contourfair_jax.io import (
     FORMATS,
-    ContourLine,
     Grid,
     InputError,
     MissingPackageError,
@@ -28,8 +29,6 @@ from contourfair_jax.io import (
     read_bands,
     write,
     write_bands,
-    write_geojson,
-    write_svg,
 )
 
 pytestmark = pytest.mark.usefixtures("inside")
@@ -532,7 +531,7 @@ def test_without_rasterio_plain_images_work_and_geotiff_names_the_extra(tmp_path
     raster(tmp_path / "in.tif", terrain())
     found = importlib.util.find_spec
     monkeypatch.setattr(
-        "contourfair_jax.io._tiff.find_spec",
+        "contourfair_jax.io.formats.tiff.find_spec",
         lambda name: None if name == "rasterio" else found(name),
     )
     with pytest.raises(MissingPackageError, match=r"pip install 'contourfair-jax\[geotiff\]'"):
@@ -702,7 +701,7 @@ def test_files_with_flipped_bytes_never_raise_anything_else(tmp_path, suffix, rn
 
 
 def test_a_zip_that_unpacks_to_more_than_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("contourfair_jax.io._limits.physical_memory", lambda: 1000)
+    monkeypatch.setattr("contourfair_jax._support.memory.physical_memory", lambda: 1000)
     np.savez_compressed(tmp_path / "bomb.npz", data=np.zeros((100, 100)))
     with pytest.raises(InputError, match=r"needs 78\.1 KiB, this machine has 1000 bytes"):
         read(tmp_path / "bomb.npz")

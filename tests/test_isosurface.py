@@ -10,8 +10,8 @@ from splines import catmull_rom
 import contourfair_jax as cf
 from contourfair_jax import metrics
 from contourfair_jax._field import BezierField
-from contourfair_jax._split import edges_of
 from contourfair_jax.isosurface import isosurface
+from contourfair_jax.isosurface._mesh import edges_of
 
 N = 12
 
@@ -261,7 +261,7 @@ def test_small_parts_among_large_ones(monkeypatch):
     field = noise((12, 12, 12))
     mesh = field.isosurface(-1.5, 0.1)
     assert_manifold(mesh, field)
-    monkeypatch.setattr("contourfair_jax._surface.small_parts", lambda *_: ([], 0))
+    monkeypatch.setattr("contourfair_jax.isosurface._lattice.small_parts", lambda *_: ([], 0))
     large = field.isosurface(-1.5, 0.1)
     more = metrics.surface_metrics(mesh).components - metrics.surface_metrics(large).components
     assert more > 0

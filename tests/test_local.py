@@ -11,7 +11,7 @@ import twin
 from helpers import assert_close, net_of, samples_of
 
 import contourfair_jax as cf
-from contourfair_jax._working_set import WorkingSet
+from contourfair_jax._support.xla import WorkingSet
 
 GRIDS = [*cases.GRIDS[2], *cases.GRIDS[3]]
 EVERY = pytest.mark.parametrize(("grid", "name"), cases.grid_field_cases(2, 3))
@@ -209,7 +209,9 @@ def test_how_the_vertices_are_divided_changes_nothing(monkeypatch, cores):
 
     def net(cores, core_bytes):
         divided = WorkingSet(600, 2**20, cores, core_bytes)
-        monkeypatch.setattr("contourfair_jax._local.working_set", lambda: divided)
+        monkeypatch.setattr(
+            "contourfair_jax._fairing.local_fairing.method.working_set", lambda: divided
+        )
         return jax.jit(lambda v: method.fit(v, spacing)[0])(jnp.asarray(values))
 
     # One batch at a time, for which a core's share is too small, and one for every core.

@@ -13,7 +13,7 @@ import twin
 from helpers import assert_close, matrix_products, net_of, samples_of
 
 import contourfair_jax as cf
-from contourfair_jax._xla import apart
+from contourfair_jax._support.xla import apart
 
 BOTH = pytest.mark.both_precisions
 IN_2D_AND_SLOWLY_3D = pytest.mark.parametrize("ndim", [2, pytest.param(3, marks=pytest.mark.slow)])

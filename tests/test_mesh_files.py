@@ -14,9 +14,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import mutable
 
 from contourfair_jax import cli, export
-from contourfair_jax._single import merged
-from contourfair_jax._split import edges_of
 from contourfair_jax.io import Grid, InputError
+from contourfair_jax.isosurface._mesh import edges_of, merged
 
 READERS = {
     ".vtp": ("vtkIOXML", "vtkXMLPolyDataReader"),
@@ -286,7 +285,7 @@ def test_metrics_command_counts_its_steps(scan, ndim, tmp_path, monkeypatch, cap
     def working(reporter, text):
         yield lambda *move: moves.append(move)
 
-    monkeypatch.setattr("contourfair_jax._console.Reporter.working", working)
+    monkeypatch.setattr("contourfair_jax.cli._console.Reporter.working", working)
     np.save(tmp_path / "in.npy", np.load(scan)[2] if ndim == 2 else np.load(scan))
     assert call(capsys, "metrics", tmp_path / "in.npy", "--count", 2)[0] == 0
     assert moves == [(k + 1, 6) for k in range(6)]

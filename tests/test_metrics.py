@@ -9,12 +9,12 @@ from splines import catmull_rom
 
 import contourfair_jax as cf
 from contourfair_jax import metrics
-from contourfair_jax._compare import bilinear_field
-from contourfair_jax._components import components
-from contourfair_jax._creases import crease_bending
 from contourfair_jax._field import BezierField
-from contourfair_jax._plot_metrics import metrics_figure
 from contourfair_jax.contours import ContourLine
+from contourfair_jax.metrics import bilinear_field
+from contourfair_jax.metrics._parts import components
+from contourfair_jax.metrics._surfaces import crease_bending
+from contourfair_jax.plot._metrics import metrics_figure
 
 GRID = cases.GRIDS[2][1]
 
@@ -249,7 +249,7 @@ def test_surface_coarea_is_the_sum_over_levels():
 def test_coarea_works_in_slabs(bowl, monkeypatch):
     fields = catmull_rom(samples_of("noise", GRID)), radii(0.0, 1.0, 5)
     whole = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
-    monkeypatch.setattr("contourfair_jax._coarea._POINTS", 1)
+    monkeypatch.setattr("contourfair_jax.metrics._coarea._POINTS", 1)
     parts = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
     for one, other in zip(whole, parts, strict=True):
         assert list(vars(one).values()) == pytest.approx(list(vars(other).values()), rel=1e-12)

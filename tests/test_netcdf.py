@@ -12,7 +12,7 @@ import zarr
 from file_helpers import inside, samples  # noqa: F401
 
 from contourfair_jax.io import Grid, InputError, read, write
-from contourfair_jax.io._zarr import read_outline
+from contourfair_jax.io.formats.zarr import read_outline
 
 pytestmark = pytest.mark.usefixtures("inside")
 

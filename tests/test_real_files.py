@@ -122,7 +122,7 @@ def test_real_files_come_out_right_and_are_stored_again(
     assert grid.missing_count == missing
     assert grid.nodata == nodata
     assert grid.spacing == pytest.approx(spacing, rel=1e-3)
-    monkeypatch.setattr("contourfair_jax.io._formats.read_isolated", read_inside)
+    monkeypatch.setattr("contourfair_jax.io._table.read_isolated", read_inside)
     for suffix in suffixes.split():
         write(tmp_path / f"again{suffix}", grid)
         again = read(tmp_path / f"again{suffix}")

@@ -93,7 +93,7 @@ def test_volumes_become_isotropic(run, tmp_path):
 
 
 def test_large_volumes_are_told_what_is_faster(monkeypatch, run, tmp_path):
-    monkeypatch.setattr("contourfair_jax._steps._SLOW", 200)
+    monkeypatch.setattr("contourfair_jax.cli._steps._SLOW", 200)
     source, target = tmp_path / "in.npz", tmp_path / "out.npz"
     write(source, Grid(hill((5, 7, 8)), spacing=(3.0, 1.0, 1.0), axes=("z", "y", "x")))
     call = ("resample", source, "-o", target, "--spacing", "z=1")

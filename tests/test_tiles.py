@@ -21,11 +21,12 @@ import zarr
 from conftest import SEED
 
 import contourfair_jax as cf
-from contourfair_jax import _tile_program, _tile_room, _tile_source, tiles
-from contourfair_jax._tile_source import survey
-from contourfair_jax._tiling import Tiling
+from contourfair_jax import tiles
 from contourfair_jax.cli import main
 from contourfair_jax.io import Grid, InputError, read, write
+from contourfair_jax.tiles import _job, _program, _source
+from contourfair_jax.tiles._source import survey
+from contourfair_jax.tiles._tiling import Tiling
 
 METHOD = tile_worker.METHOD
 SHAPE = (31, 42)
@@ -36,7 +37,7 @@ WORKER = Path(tile_worker.__file__)
 def small_tiles(monkeypatch):
     """Tiles of 8 x 8 or 4 x 4 x 4 cells."""
     for method, overlap in tile_worker.SMALL.items():
-        monkeypatch.setitem(_tile_program._OVERLAPS, method, overlap)
+        monkeypatch.setitem(_program._OVERLAPS, method, overlap)
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +168,7 @@ def test_volumes_gaps_and_types(tmp_path, rng, shape, dtype):
 def test_global_tiles_agree_with_the_whole(tmp_path):
     """With the halo that users get, seams are below 1e-5 of the range, on noise too."""
     halo = 24
-    _tile_program._OVERLAPS[cf.GlobalFairing] = _tile_program.Overlap(halo, {2: 12})
+    _program._OVERLAPS[cf.GlobalFairing] = _program.Overlap(halo, {2: 12})
     noise = np.random.default_rng(SEED).standard_normal((7, 80))
     method = cf.GlobalFairing(iterations=2)
     fine = refined(noise, tmp_path / "fine.npy", method=method)
@@ -256,7 +257,7 @@ def test_sizes_are_checked_before_the_start(tmp_path, samples, monkeypatch):
         refined(samples, tmp_path / "other.npy")
     refined(samples, target, resume=True)  # room that is set aside already counts
     refined(samples, tmp_path / "compressed.zarr")
-    monkeypatch.setattr(_tile_room, "physical_memory", lambda: 1000)
+    monkeypatch.setattr(_job, "physical_memory", lambda: 1000)
     with pytest.raises(InputError, match=r"one tile at factor 2 needs .* smaller --factor"):
         refined(samples, target)
     assert not list(tmp_path.glob("*.partial"))
@@ -303,7 +304,7 @@ def test_masked_samples_are_missing(tmp_path, samples, dtype):
 def test_a_survey_is_the_same_whatever_the_chunks(samples, monkeypatch):
     values = np.ma.masked_array((100 * samples).astype("i2"), samples > 1)
     whole = survey(values, np.dtype("f4"))
-    monkeypatch.setattr(_tile_source, "_SLAB_BYTES", 300)
+    monkeypatch.setattr(_source, "_SLAB_BYTES", 300)
     assert survey(values, np.dtype("f4")) == whole
     assert whole.missing == (samples > 1).sum()
     assert survey(np.ma.array(values.data), np.dtype("f4")) == survey(values.data, np.dtype("f4"))

@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 import contourfair_jax as cf
-from contourfair_jax._tune import CANDIDATES
+from contourfair_jax._fairing.tuning import CANDIDATES
 
 BOTH = pytest.mark.both_precisions
 SLOW = pytest.mark.slow

@@ -433,7 +433,7 @@ def test_truncated_legacy_data_are_refused(tmp_path):
     ],
 )
 def test_the_size_in_a_legacy_header_is_checked_first(tmp_path, monkeypatch, size, said):
-    monkeypatch.setattr("contourfair_jax.io._limits.physical_memory", lambda: 2**40)
+    monkeypatch.setattr("contourfair_jax._support.memory.physical_memory", lambda: 2**40)
     write(tmp_path / "a.vtk", Grid(samples()))
     whole = (tmp_path / "a.vtk").read_bytes()
     larger = whole.replace(b"DIMENSIONS 6 5 4", b"dimensions " + size.encode())

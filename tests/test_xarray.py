@@ -11,8 +11,8 @@ import xarray as xr
 
 import contourfair_jax as cf
 import contourfair_jax.xarray
-from contourfair_jax import _tile_program
 from contourfair_jax.io import read, write
+from contourfair_jax.tiles import _program
 
 UP, DOWN = np.linspace(40.0, 60.0, 6), np.linspace(60.0, 40.0, 6)
 LON = np.linspace(-3.0, 5.0, 9)
@@ -280,8 +280,8 @@ def test_interp_names_what_it_does_not_know():
 
 @pytest.mark.slow
 def test_dask_chunks_are_kept_and_change_nothing(monkeypatch):
-    overlap = _tile_program.Overlap(1, {2: 8, 3: 4})
-    monkeypatch.setitem(_tile_program._OVERLAPS, cf.LocalFairing, overlap)
+    overlap = _program.Overlap(1, {2: 8, 3: 4})
+    monkeypatch.setitem(_program._OVERLAPS, cf.LocalFairing, overlap)
     method = cf.LocalFairing(iterations=0)
     lon = np.arange(24) * 15.0
     array = field(lat=np.linspace(60.0, 40.0, 21), lon=lon)

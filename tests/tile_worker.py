@@ -11,8 +11,9 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 import contourfair_jax as cf
-from contourfair_jax import _tile_program, tiles
-from contourfair_jax._tile_program import Overlap
+from contourfair_jax import tiles
+from contourfair_jax.tiles import _program
+from contourfair_jax.tiles._program import Overlap
 
 SMALL = {
     cf.LocalFairing: Overlap(1, {2: 8, 3: 4}),
@@ -90,5 +91,5 @@ def pair(path, port, number):
 
 
 if __name__ == "__main__":
-    _tile_program._OVERLAPS.update(SMALL)
+    _program._OVERLAPS.update(SMALL)
     {"refine": refine, "mesh": mesh, "explicit": explicit, "pair": pair}[sys.argv[1]](*sys.argv[2:])

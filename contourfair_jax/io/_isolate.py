@@ -19,14 +19,19 @@ from typing import IO, Any
 
 import numpy as np
 
-from ._errors import InputError, MissingPackageError
-from ._grid import Grid
-from ._limits import check_memory
+from .._grid.grid import Grid
+from .._support.errors import InputError, MissingPackageError
+from .._support.memory import check_memory
 
 # Seconds that any file may take, and bytes per second beyond them.
 _PATIENCE = 60.0
+
+
 _PACE = 4e6
+
+
 _LONGEST_HEADER = 2**24
+
 
 _CODE = """
 import json, sys

@@ -5,11 +5,14 @@ import os
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
 
-from ._atomic import (
+from .._grid.grid import Grid
+from .._support.errors import InputError, one_line
+from ._outputs import (
     check_folder,
     check_pair,
     check_target,
@@ -17,12 +20,12 @@ from ._atomic import (
     replacing_folder,
     replacing_pair,
 )
-from ._errors import InputError, one_line
-from ._formats import FORMATS, NAMELESS_FOLDER, Format
-from ._grid import Grid
+from ._table import FORMATS, NAMELESS_FOLDER, Format
 
 # Endings of compressed files and archives.
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".tar", ".tgz")
+
+
 # What messages call the functions of a format.
 _VERBS = {
     "reader": "read",
@@ -192,3 +195,24 @@ def _format(path: str | os.PathLike[str], wanted: str) -> Format:
         verb = _VERBS[wanted]
         raise InputError(f"{path}: files of this name are not {verb}; known suffixes: {known}")
     return max(fitting, key=lambda pair: pair[0])[1]
+
+
+_EXAMPLES = ("jacksboro",)
+
+
+def example(name: str = "jacksboro") -> Grid:
+    """A bundled data set.
+
+    ``jacksboro``: elevations in metres around Jacksboro, Tennessee, 344 x 403 samples of int16,
+    3 arc-seconds apart (NASA SRTM, public domain).  Row 0 is north.
+
+    Examples
+    --------
+    >>> from contourfair_jax.io import example
+    >>> example("jacksboro").shape
+    (344, 403)
+    """
+    if name not in _EXAMPLES:
+        raise InputError(f"example must be one of {', '.join(_EXAMPLES)}, got {name!r}")
+    with as_file(files("contourfair_jax") / "data" / f"{name}.npz") as path:
+        return read(path)

@@ -8,9 +8,9 @@ from typing import IO
 
 import numpy as np
 
-from ._errors import InputError, MissingPackageError, one_line
-from ._grid import Grid
-from ._limits import physical_memory
+from .._grid.grid import Grid
+from .._support.errors import InputError, MissingPackageError, one_line
+from .._support.memory import physical_memory
 
 # Room beyond the memory of the machine for what libraries reserve and never touch.
 _MARGIN = 4 * 2**30
@@ -22,7 +22,9 @@ def main(module: str, reader: str, path: str, key: str | None) -> None:
         os.dup2(2, 1)
         _limit_memory()
         try:
-            grid = getattr(import_module(f"{__package__}.{module}"), reader)(Path(path), key)
+            grid = getattr(import_module(f"{__package__}.formats.{module}"), reader)(
+                Path(path), key
+            )
         except Exception as error:
             stream.write(json.dumps(_fault(error)).encode() + b"\n")
         else:

@@ -1,0 +1,1 @@
+"""Errors, checks, memory, precisions, XLA, results; nothing of the package is imported here."""

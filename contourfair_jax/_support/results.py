@@ -1,0 +1,39 @@
+"""Immutable results that are sequences, and progress of what takes long."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias, TypeVar, overload
+
+Member = TypeVar("Member", covariant=True)
+
+
+class Members(Sequence[Member]):
+    """A sequence of what one of its fields holds."""
+
+    @property
+    @abstractmethod
+    def members(self) -> tuple[Member, ...]:
+        """What this is a sequence of."""
+
+    @overload
+    def __getitem__(self, index: int) -> Member: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Member, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> Member | tuple[Member, ...]:
+        return self.members[index]
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(self.members)
+
+
+# Called with how much is done, and how much there is to do.
+Progress: TypeAlias = Callable[[int, int], None]
+
+
+def untold(done: int, total: int) -> None:
+    """Show nothing of what is done."""

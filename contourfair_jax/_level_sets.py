@@ -82,12 +82,8 @@ def distinct(levels: np.ndarray, least: float) -> np.ndarray:
 
 # Levels that are listed in words.
 _LISTED = 5
-
-
 # More samples than these on a level are worth a note.
 _SHARE, _FEW = 0.01, 4
-
-
 # So is rounding of more than this part of the range, and of more than that of usual samples.
 _NOTED_SHIFT, _NOTED_ROUNDINGS = 1e-9, 32
 
@@ -154,11 +150,7 @@ def listed(levels: np.ndarray, digits: str = ".10g") -> str:
 
 
 Levels: TypeAlias = float | Sequence[float] | np.ndarray
-
-
 MOST_LEVELS = 10_000
-
-
 LEAST_TOLERANCE = 1e-8
 
 

@@ -37,23 +37,13 @@ from .metrics import bilinear_field
 from .plot import compare_figure, save_figure
 
 FACTOR = 4
-
-
 # Of the contours, in cells: 2 m.
 TOLERANCE = 0.03
-
-
 # The samples are whole metres: half a metre up, no contour runs along a plateau.
 INTERVAL, OFFSET = 50.0, 0.5
-
-
 # A narrow ridge that crosses the grid obliquely, and closer levels to show it.
 ROWS, COLUMNS, CLOSE = (44, 62), (350, 370), 20.0
-
-
 Method = Callable[[Grid], BezierField]
-
-
 app = typer.Typer(add_completion=False)
 
 
@@ -86,7 +76,6 @@ METHODS: Mapping[str, Method] = {
     "local": fairing(LocalFairing()),
     "global": fairing(GlobalFairing()),
 }
-
 
 # The method whose samples and contours are written.
 STORED = "global"

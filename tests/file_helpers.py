@@ -19,7 +19,7 @@ def read_inside(module: str, reader: str, path: Path, key: str | None) -> Grid:
     """What `read_isolated` does, in this process; warnings of libraries stay unseen, as there."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return getattr(import_module(f"contourfair_jax.io.{module}"), reader)(path, key)
+        return getattr(import_module(f"contourfair_jax.io.formats.{module}"), reader)(path, key)
 
 
 @pytest.fixture

@@ -341,10 +341,12 @@ PATCHED = """
 import json, sys
 sys.path[:] = json.loads(sys.argv[1])
 import numpy
-from contourfair_jax.io import Grid, _limits, _nifti, _worker
+from contourfair_jax._support import memory
+from contourfair_jax.io import Grid, _worker
+from contourfair_jax.io.formats import nifti
 def read(path, key):
     {}
-_nifti.read = read
+nifti.read = read
 _worker.main(*json.loads(sys.argv[2]))
 """
 HALF = "import json; print(json.dumps(dict(shape=[9, 9], dtype='<f8', gaps=False))); print('x' * 9)"
@@ -355,7 +357,7 @@ FAULTS = {
     "half": (HALF, r"ended early, status 0 \(it said nothing\)"),
     "nothing": ("", r"ended early, status 0 \(it said nothing\)"),
     "memory": (
-        PATCHED.format("numpy.empty(_limits.physical_memory() + 2**33, 'u1')"),
+        PATCHED.format("numpy.empty(memory.physical_memory() + 2**33, 'u1')"),
         "asks for more memory than this machine has",
     ),
     "fault": (PATCHED.format("raise KeyError('a\\nb')"), r"cannot be read as NIfTI: 'a\\nb'$"),

@@ -141,8 +141,8 @@ def fields(monkeypatch):
             made["it"] = cf.fair_field(np.add.outer(np.arange(5.0) ** 2, np.arange(6.0)))
         return made["it"]
 
-    for module in ("cli", "_upsample", "_steps", "_cli_metrics"):
-        monkeypatch.setattr(f"contourfair_jax.{module}.fair", found)
+    for module in ("_compare", "_upsample", "_steps", "_metrics"):
+        monkeypatch.setattr(f"contourfair_jax.cli.{module}.fair", found)
 
 
 @pytest.mark.usefixtures("fields")

@@ -42,7 +42,7 @@ signal.signal(signal.SIGALRM, late)
 _worker._limit_memory()
 for line in sys.stdin:
     module, reader, path = line.rstrip("\\n").split("\\t")
-    read = getattr(import_module("contourfair_jax.io." + module), reader)
+    read = getattr(import_module("contourfair_jax.io.formats." + module), reader)
     signal.alarm(int(sys.argv[2]))
     try:
         grid = read(Path(path), None)

@@ -17,8 +17,6 @@ from .bernstein import bernstein, bernstein_derivative, derivatives
 from .nets import PlacedNet, cell_extreme
 
 Placed = TypeVar("Placed", bound=PlacedNet)
-
-
 # Points evaluated in one go.
 _BATCH = 1 << 14
 

@@ -6,12 +6,8 @@ from .host import HostField
 
 # Newton steps for all cubics, before the few that need more are sorted out.
 _STEPS = 4
-
-
 # A cubic is solved in blocks of this size, to stay in the cache.
 _BLOCK = 1 << 14
-
-
 # Bisection alone reaches the spacing of floats in [0, 1] in as many steps.
 _MOST = 60
 

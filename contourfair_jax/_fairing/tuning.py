@@ -45,25 +45,15 @@ class Errors(NamedTuple):
 
 
 COHERENCE = 1.2
-
-
 # Renewals of the normals while candidates are compared.  With noise as many as by default, since
 # every one makes the springs to the samples more nearly as stiff as they are in the end.
 ITERATIONS, WITH_NOISE = 2, 3
-
-
 # Fits that are only compared need not be exact, but their errors have to be below those that are
 # compared: on smooth samples 1e-2 is not enough.
 TOLERANCE = 1e-3
-
-
 MAX_STEPS = 200
-
-
 # The median of the square of a normally distributed number, as a part of its mean.
 MEDIAN = 0.4549
-
-
 # Samples at the border, where dropped ones are not surrounded by others.
 MARGIN = 3
 
@@ -212,17 +202,12 @@ def _with_setting(
 
 
 Judge: TypeAlias = Callable[[Candidate], Errors]
-
-
 # Thin plate (weight 1) is for quantised samples, its tension for noise; smoothness is for what is
 # analytic; small weights are for ridges, with normals from second derivatives for terrain, with
 # tension along the contours for jagged edges.  Power 1 of the energy is better than 2 on nearly all
 # data.
 WAVES = Candidate(0.05, 1, 0.0, 0.12, 1.0)
-
-
 JAGGED = Candidate(0.003, 2, 20.0, 0.0, 1.0)
-
 
 CANDIDATES = (
     Candidate(1.0, 1, 0.0, 0.0, 1.0),
@@ -236,54 +221,31 @@ CANDIDATES = (
     Candidate(0.001, 2, 1000.0, 0.0, 2.0),
 )
 
-
 # For rings, stripes and other waves along whose contours little happens.  The first is for volumes
 # too, and takes over where half the samples hardly tell it from the best, at most by this factor,
 # and few dropped ones say so.
 STRIPES = (Candidate(0.01, 2, 0.0, 0.1, 1.0), Candidate(0.003, 2, 0.0, 0.3, 1.0))
-
-
 TIE = 1.05
-
-
 # For what is really smooth, recognised by `PROBE`: over the wide gaps of cross-validation, and
 # halfway between samples where it looks, more smoothness pays than between all samples, so that its
 # error has to be this much smaller than others; stripes are smooth there as well.
 SMOOTH = Candidate(1.0, 1, 0.0, 0.015, 2.0, border_degree=4)
-
-
 PROBE = SMOOTH._replace(smoothness=0.2, border_degree=0)
-
-
 HANDICAP = 1.25
-
-
 # What is smooth over the wide gaps of cross-validation need not be over the gaps between all
 # samples: smoothness s has to lower the error by more than this times s of it.
 SCEPTICISM = 0.6
-
-
 # Waves that the samples just resolve look like noise on a checkerboard of them.  Where one of these
 # candidates is this much better when only a few samples are dropped, at least so many, the
 # checkerboard was too coarse.
 WITNESSES = (WAVES, JAGGED)
-
-
 FOOLED = 1.4
-
-
 FEWEST = 8
-
-
 # Noise that is tried, as a part of the error of an exact fit at the samples that are dropped (noise
 # is everywhere, so that features with large errors do not count), and how many of these there are
 # to be where there can be: the errors hardly differ.
 NOISES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
-
-
 MANY = 2000
-
-
 # The smallest noise counts that leaves no more than this part of what can be gained: beyond it the
 # errors often hardly change, while features between the samples go.
 FORGONE = 0.03

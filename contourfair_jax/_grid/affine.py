@@ -15,12 +15,8 @@ from .._support.errors import InputError
 
 # A coordinate may stray this far, in steps, from even spacing (float32 rounding does).
 _UNEVEN = 0.01
-
-
 # Degrees all the way round.
 TURN = 360.0
-
-
 SKEWED = "the axes are not perpendicular; fairing treats them as if they were"
 
 

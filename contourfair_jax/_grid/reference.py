@@ -10,25 +10,13 @@ from .affine import spacing_of
 from .grid import Grid
 
 _X_NAMES = frozenset(("x", "lon", "longitude", "easting"))
-
-
 _Y_NAMES = frozenset(("y", "lat", "latitude", "northing"))
-
-
 # The outermost system of coordinates, of WKT 1 or 2, without that of heights or of a target.
 _SYSTEM = re.compile(r"(PROJCS|PROJCRS|PROJECTEDCRS|GEOGCS|GEOGCRS|GEODCRS|GEODETICCRS)[\[(]")
-
-
 _NEXT = re.compile(r",\s*(?:VERT_CS|VERTCRS|VERTICALCRS|TARGETCRS)[\[(]")
-
-
 # Longitudes and latitudes with a pole of their own have other names, which a grid does not know.
 _DERIVED = re.compile(r"DERIVINGCONVERSION|ob_tran|rotated_?pole|Rotated_?latitude", re.IGNORECASE)
-
-
 _LENGTH = re.compile(r'\b(?:LENGTHUNIT|UNIT)[\[(]"([^"]*)",\s*([0-9.eE+-]+)')
-
-
 _METRES = {"m": 1.0, "km": 1e3, "foot": 0.3048, "US_survey_foot": 1200 / 3937}
 
 
@@ -104,15 +92,9 @@ def _wkt(crs: str) -> str:
 
 
 _SHORT = {"metre": "m", "meter": "m", "metres": "m", "meters": "m", "kilometre": "km"}
-
-
 _GEOGRAPHIC = re.compile(r"\s*(GEOGCS|GEOGCRS|GEODCRS|GEODETICCRS|EPSG:4326$|OGC:CRS84$)")
-
-
 # Degrees whose lengths on the ground have this proportion, or more, need no note.
 _ALIKE = 0.95
-
-
 _UNIT = re.compile(r'UNIT\["([^"]+)"')
 
 

@@ -76,12 +76,8 @@ def _processors() -> int:
 
 
 CORES = min(_processors(), 16)
-
-
 # Every step of a program is a vector operation that reads and writes its whole working set.
 CACHED = WorkingSet(2048 * CORES, 12 * 2**20, CORES, 3 * 2**20)
-
-
 # A step of a GPU takes some microseconds however small it is.
 FILLING = WorkingSet(2**19, 512 * 2**20, 1, 512 * 2**20)
 

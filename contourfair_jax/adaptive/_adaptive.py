@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 
 _BATCH = 1 << 13
-
-
 _BYTES_PER_LEAF = 1500
 
 

@@ -109,8 +109,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 _INTERRUPTED = 130
-
-
 # The base of all errors about how a command is called; Typer exports its subclass only.
 _USAGE: Any = typer.BadParameter.__mro__[2]
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .._grid.periodic import closed
-from ..export import write_svg
 from ._console import Reporter
 from ._levels import check_choice
 from ._options import (
@@ -42,8 +41,6 @@ if TYPE_CHECKING:
 
 
 _BANDS = (".geojson", ".json", ".gpkg", ".png")
-
-
 _LINES = (".geojson", ".json", ".gpkg", ".csv", ".svg", ".png")
 
 
@@ -133,7 +130,7 @@ def _traced(
 def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]:
     """Store lines or bands, unless a picture is all that is asked for; notes on the file."""
     from ..contours import Bands
-    from ..export import write_bands, write_lines
+    from ..export import write_bands, write_lines, write_svg
     from ..plot import level_colors
 
     suffix = target.suffix.lower()

@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 
 Step: TypeAlias = Callable[[], None]
-
-
 # Places where parts merge or split that are listed in words.
 _LISTED = 10
 

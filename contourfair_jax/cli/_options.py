@@ -30,9 +30,7 @@ SUMMARY = (
     f"{_readable()} A folder of DICOM slices is read as a volume."
 )
 
-
 Input = Annotated[Path, typer.Argument(metavar="IN", help="File of samples.", show_default=False)]
-
 
 Key = Annotated[
     str | None,
@@ -45,9 +43,7 @@ Key = Annotated[
     ),
 ]
 
-
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No notes, no progress; errors only.")]
-
 
 Json = Annotated[
     bool,
@@ -56,15 +52,12 @@ Json = Annotated[
     ),
 ]
 
-
 Single = Annotated[bool, typer.Option("--float32", help="Compute in float32: half the memory.")]
-
 
 Iterations = Annotated[
     int | None,
     typer.Option(help="Renewals of the normals; 0: thin plate. [dim]\\[default: 3][/]"),
 ]
-
 
 Weight = Annotated[
     float | None,
@@ -72,7 +65,6 @@ Weight = Annotated[
         "--thin-plate-weight", help="Share of thin plate energy. [dim]\\[default: of the method][/]"
     ),
 ]
-
 
 Sigma = Annotated[
     str | None,
@@ -85,12 +77,10 @@ Sigma = Annotated[
     ),
 ]
 
-
 Fill = Annotated[
     bool,
     typer.Option("--fill", help="Keep what global fairing puts in the place of missing samples."),
 ]
-
 
 Method = Annotated[
     str,
@@ -102,7 +92,6 @@ Method = Annotated[
     ),
 ]
 
-
 Periodic = Annotated[
     str,
     typer.Option(
@@ -113,7 +102,6 @@ Periodic = Annotated[
     ),
 ]
 
-
 Bands = Annotated[
     bool,
     typer.Option(
@@ -121,31 +109,22 @@ Bands = Annotated[
     ),
 ]
 
-
 Workers = Annotated[
     int, typer.Option(help="Processes that work on a .zarr or .npy output at the same time.")
 ]
 
-
 Resume = Annotated[
     bool, typer.Option("--resume", help="Continue a .zarr or .npy output that was stopped.")
 ]
-
 
 Memory = Annotated[
     float | None,
     typer.Option(help="GiB that these processes may take together: fewer work if need be."),
 ]
 
-
 Levels = Annotated[str | None, typer.Option(help="Levels, separated by commas: 100,150,200.")]
-
-
 Interval = Annotated[float | None, typer.Option(help="Levels at the multiples of this number.")]
-
-
 Count = Annotated[int | None, typer.Option(help="Number of levels, evenly spaced in the range.")]
-
 
 Crop = Annotated[
     str | None,

@@ -114,8 +114,6 @@ def fair(grid: Grid, recipe: Recipe) -> BezierField:
 
 # Samples of a volume from which on local fairing, with normals, takes minutes.
 _SLOW = 300_000
-
-
 # Where samples of a field lie between those of whole numbers.
 _BETWEEN = 0.25
 

@@ -18,11 +18,7 @@ from ._trace import Lines, chains, join_lines
 # The four edges of a cell, each a left turn from the one before: where it starts, how it goes on,
 # and which cell lies on its right.
 _START = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-
-
 _STEP = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
-
-
 _RIGHT = ((0, -1), (1, 0), (0, 1), (-1, 0))
 
 

@@ -33,8 +33,6 @@ from .._support.arrays import ranges
 # Cells of the grid looked at in one go, and those with a level subdivided in one go: what is worked
 # on stays in the caches of the processor.
 _SCANNED = 1 << 17
-
-
 BATCH = 1 << 15
 
 
@@ -136,11 +134,7 @@ def quarters(cells: Cells, levels: np.ndarray) -> Cells:
 # already at the other, because they lie along a line on which the gradient vanishes.  Around
 # plateaus of images several hundred are left at that depth, and proved a few depths later.
 MAX_DEPTH = 18
-
-
 MANY_DEPTH, MANY = 12, 1 << 14
-
-
 # More strips than this: halve the piece instead, which sharpens its bounds.
 MAX_STRIPS = 4
 

@@ -26,7 +26,6 @@ _WRITERS = {
     ".obj": ("vtkIOGeometry", "vtkOBJWriter", False),
 }
 
-
 MESH_SUFFIXES = tuple(_WRITERS)
 
 

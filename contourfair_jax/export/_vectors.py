@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _SVG_SIZE = 1000.0
 
-
 # The code of a system: at the end of its WKT, or alone, as a URN or as an address.
 _EPSG = re.compile(
     r'(?:AUTHORITY\s*\[\s*"EPSG"\s*,\s*"(\d+)"|ID\s*\[\s*"EPSG"\s*,\s*(\d+))\s*\]\s*\]$'
@@ -36,10 +35,7 @@ _EPSG = re.compile(
     re.IGNORECASE,
 )
 
-
 _CRS84 = re.compile(r'(?:^|[:/"])CRS84"?\s*[\]\s]*$', re.IGNORECASE)
-
-
 NO_CRS = "the source names no coordinate reference system; the file has none either"
 
 
@@ -294,7 +290,6 @@ _LINES = {
     ".csv": _write_csv,
     ".svg": _write_svg,
 }
-
 
 _BANDS = {
     ".geojson": _write_band_geojson,

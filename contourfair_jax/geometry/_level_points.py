@@ -117,8 +117,6 @@ def _sides(
 
 # Longest step of a projection, in cells: points stay near where they were found.
 LONGEST_STEP = 0.5
-
-
 # Part of the squared gradient that has to lie along the border for points to slide along it.
 LEAST_ALONG = 1e-4
 

@@ -18,11 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._support import checks
 
 Residuals = Callable[[Array], Any]
-
-
 Report = Callable[[Any, Any, Any], None]
-
-
 # Halvings of a Gauss-Newton step that does not lower the loss.
 HALVINGS = 10
 

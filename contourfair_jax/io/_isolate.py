@@ -25,13 +25,8 @@ from .._support.memory import check_memory
 
 # Seconds that any file may take, and bytes per second beyond them.
 _PATIENCE = 60.0
-
-
 _PACE = 4e6
-
-
 _LONGEST_HEADER = 2**24
-
 
 _CODE = """
 import json, sys

@@ -25,7 +25,6 @@ from ._table import FORMATS, NAMELESS_FOLDER, Format
 # Endings of compressed files and archives.
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".tar", ".tgz")
 
-
 # What messages call the functions of a format.
 _VERBS = {
     "reader": "read",

@@ -95,29 +95,18 @@ class Format:
 
 
 _NETCDF = Outside("netcdf", ("xarray", "h5netcdf", "h5py", "netCDF4", "scipy"))
-
-
 _ZARR = Outside("zarr", ("zarr", "xarray"))
-
-
 # Plain images need Pillow only; `tiff` looks for rasterio where a file calls for it.  Reading
 # either kind runs libtiff, which is no safer with damaged files than the other libraries.
 _TIFF = Outside("geotiff", ())
-
-
 _RASTERIO = Outside("geotiff", ("rasterio",))
-
-
 _VTK = Outside("vtk", ("vtkmodules",))
-
 
 _NIBABEL, _NRRD, _ITK, _PYDICOM = (
     Outside("medical", (package,)) for package in ("nibabel", "nrrd", "SimpleITK", "pydicom")
 )
 
-
 _HEADER, _BANDS = "write_header", "write_bands"
-
 
 FORMATS = (
     Format("NumPy array", (".npy",), "npy"),
@@ -139,7 +128,6 @@ FORMATS = (
     Format("VTK image data", (".vti",), "vtk", outside=_VTK),
     Format("legacy VTK", (".vtk",), "vtk", "read_legacy", "write_legacy", _VTK),
 )
-
 
 # A folder whose name says nothing.
 NAMELESS_FOLDER = Format("DICOM series", (), "dicom", "read_series", "", _PYDICOM, folder=True)

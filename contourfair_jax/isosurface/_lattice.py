@@ -23,12 +23,8 @@ from ._small_parts import Pieces, small_parts
 
 # Lattice steps per cell.
 FACTOR = 2
-
-
 # Cells per axis of a block.
 _BLOCK = 16
-
-
 _BYTES_PER_VERTEX = 1200
 
 

@@ -17,12 +17,8 @@ from ._mesh import Edges, edges_of
 
 # Rounds of halving; each makes chords four times nearer.
 _ROUNDS = 14
-
-
 # A quadratic surface leaves a triangle by at most 4/3 of what it leaves the edges' middles by.
 _SHARE = 0.7
-
-
 _BYTES_PER_TRIANGLE = 600
 
 

@@ -21,11 +21,7 @@ from ._mesh import connect
 
 # Pieces per cell and axis, first and last; the last ones where there are not too many.
 _FACTORS = (8, 32)
-
-
 _MOST_CELLS = 1 << 11
-
-
 _BATCH = 1 << 12
 
 

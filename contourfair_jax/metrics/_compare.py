@@ -33,7 +33,6 @@ COLUMNS = {
     },
 }
 
-
 # Of contours and of isosurfaces, in cells.
 TOLERANCES = {2: 1e-3, 3: 0.05}
 

@@ -109,8 +109,6 @@ def _line_metrics(
 
 # Pairs compared in one go.
 _BATCH = 1 << 20
-
-
 # A cross product smaller than this times the sum of its terms' sizes counts as zero.
 _ZERO = 8 * np.finfo(float).eps
 

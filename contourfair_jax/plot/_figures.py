@@ -10,7 +10,6 @@ import numpy as np
 
 from .._grid.grid import Grid
 from .._support.errors import InputError
-from ..contours import ContourLine
 from ..io import replacing
 from ._frame import Frame, frame_of
 from ._levels import LINE, band_bar, draw_levels, fill_bands, line_width
@@ -20,13 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..contours import Bands
+    from ..contours import Bands, ContourLine
 
 
 # Samples are dotted where there are at most this many along the longer axis.
 _DOTS = 24
-
-
 _LONGEST = 8.0
 
 

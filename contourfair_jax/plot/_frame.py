@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 # Near a pole, a degree of longitude is drawn at this part of one of latitude at least.
 _NARROWEST = 0.1
-
-
 _NAMES = {"y": "latitude", "x": "longitude"}
 
 

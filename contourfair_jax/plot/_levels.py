@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..contours import Band, ContourLine
 from ._frame import Frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection, PathCollection
 
-    from ..contours import Bands
+    from ..contours import Band, Bands, ContourLine
 
 
 def draw_lines(
@@ -53,19 +52,11 @@ def draw_bands(bands: Sequence[Band], ax: Axes) -> PathCollection:
 
 
 LINE = "#1a1a1a"
-
-
 SHADES = "viridis"
-
-
 # How much of the colours is white, behind black lines.
 _WHITE = 0.4
-
-
 # At most so many levels are labelled, on lines of so many inches and labels so far apart.
 _LABELLED, _LONG, _APART = 8, 1.6, 1.0
-
-
 # Levels that the bar of the bands names.
 _TICKS = 20
 

@@ -18,7 +18,6 @@ from ._tiling import Tile, Tiling
 # Samples of a gap that are no farther from its rim are held from there.
 _RIM = 2
 
-
 _REMEDY = (
     "fair the whole grid with fair_field, or locally, or leave the gaps (fill=False, no --fill)"
 )

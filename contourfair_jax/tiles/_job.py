@@ -5,7 +5,7 @@ import math
 import shutil
 import uuid
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -16,26 +16,34 @@ import equinox as eqx
 import numpy as np
 
 from .._fairing.global_fairing.method import GlobalFairing
-from .._fairing.local_fairing.method import LocalFairing
 from .._fairing.method import AbstractFairing
 from .._grid.affine import describe_factors
-from .._grid.grid import exact_float
+from .._grid.grid import Grid, no_samples
 from .._support import checks
 from .._support.errors import InputError, one_line
 from .._support.memory import describe_bytes, physical_memory
+from .._support.results import Progress, untold
 from .._version import __version__
 from ..io._outputs import in_one_line
 from ._gaps import is_cut, refusal
 from ._program import tile_bytes, tiling_of
 from ._run import Job, Stored, run_all
-from ._source import Source, is_shared, read_block, slabs, source_of, survey
+from ._source import (
+    Source,
+    ZarrMember,
+    is_shared,
+    read_block,
+    slabs,
+    source_at,
+    source_of,
+    survey,
+)
 from ._state import DONE, OPEN, UNCONVERGED, Unfinished
+from ._store import store_for
 from ._tiling import Tiling
 
 # Memory of a process beside its tile: Python, JAX, the compiled program.
 _PROCESS_BYTES = 512 * 2**20
-
-
 # Zarr compresses, but samples with digits hardly ever to less than this part.
 _SMALLEST_PART = {".zarr": 0.1}
 
@@ -133,56 +141,82 @@ class Outcome:
     cut: int
 
 
+def open_input(given: Any, key: str | None = None) -> tuple[Grid, Source]:
+    """The grid of an input without its samples, and where these are.
+
+    Parameters
+    ----------
+    given : path or array
+        As for `tiles.refine_to`.  A file, or an xarray `DataArray`, says where its samples lie; of
+        other arrays nothing but the shape is known.
+    key
+        Which array of a Zarr folder.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    ValueError
+        `given` does not hold real numbers.
+    """
+    source = source_at(given, key) if isinstance(given, Path) else source_of(given)
+    if isinstance(source, ZarrMember):
+        return source.outline()[0], source
+    array: Any = source.open()
+    shape, dtype = tuple(int(n) for n in array.shape), np.dtype(array.dtype)
+    if dtype.kind not in "biuf":
+        raise ValueError(f"source must hold real numbers, got dtype {dtype}; convert it first")
+    if type(array).__module__.split(".")[0] == "xarray":
+        from ..io.formats.datasets import outline_from_array
+
+        return outline_from_array(array), source
+    return Grid(no_samples(shape, dtype), source_dtype=dtype), source
+
+
 def plan_job(
-    given: Any,
-    factor: int | Sequence[int],
-    method: AbstractFairing | None,
-    spacing: float | Sequence[float],
-    dtype: Any,
+    grid: Grid,
+    source: Source,
+    factors: Sequence[int],
+    method: AbstractFairing,
+    computed: np.dtype,
+    stored: np.dtype,
     fill: bool,
 ) -> Job:
-    """A job without a store.
+    """A job that has no store yet.
+
+    The one planner of tile jobs: with `run_job`, all that `tiles.refine_to` and the command
+    ``upsample`` compute, and keep of the input's spacing, place, units and names, is decided here.
+
+    Parameters
+    ----------
+    grid, source
+        As from `open_input`.
+    computed, stored
+        The types of samples while they are computed, and in the output.
 
     Raises
     ------
     ValueError
-        For an argument that cannot be used.
+        The method needs the whole grid at once.
     """
-    source = source_of(given)
-    array = source.open()
-    shape, kind = tuple(int(n) for n in array.shape), np.dtype(array.dtype)
-    if kind.kind not in "biuf":
-        raise ValueError(f"source must hold real numbers, got dtype {kind}; convert it first")
-    if len(shape) not in checks.DIMENSIONS or min(shape) < 3:
-        raise ValueError(
-            f"source must be 2-D or 3-D with at least 3 samples along every axis, got shape {shape}"
-        )
-    factors = checks.check_factors(factor, len(shape))
-    chosen = np.dtype(exact_float(kind) if dtype is None else dtype)
-    if chosen not in (np.float32, np.float64):
-        raise ValueError(f"dtype must be float32 or float64, got {chosen}")
-    steps = np.asarray(checks.check_per_axis(spacing, len(shape), "spacing", positive=True))
-    method = LocalFairing() if method is None else method
-    tiling = tiling_of(method, shape, factors)
-    return Job(uuid.uuid4().hex, source, None, tiling, method, tuple(steps.tolist()), chosen, fill)
+    tiling = tiling_of(method, grid.shape, tuple(factors))
+    return Job(uuid.uuid4().hex, source, None, tiling, method, grid.spacing, computed, stored, fill)
 
 
 def run_job(
     job: Job,
+    grid: Grid,
     state: Unfinished,
     workers: int | Executor = 1,
     resume: bool = False,
     memory: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    prepare: Callable[[Path], None] | None = None,
+    progress: Progress = untold,
 ) -> Outcome:
-    """Do a job, or what is left of it; the public face is `tiles.refine_to`.
-
-    Parameters
-    ----------
-    prepare
-        Makes the folder that the store is to be a member of.
-    """
+    """Do a job of a grid, or what is left of it; the public face is `tiles.refine_to`."""
+    check_room(job.tiling, job.dtype, job.stored, state)
+    samples = no_samples(job.tiling.fine_shape, job.stored)
+    finer = dataclasses.replace(grid.on_finer(samples, job.tiling.factors), nodata=None)
+    job = dataclasses.replace(job, store=store_for(state.target, state.data, job.tiling, finer))
     if not isinstance(workers, Executor):
         checks.check_count(workers, 1, "workers")
     workers = affordable(job.tiling, job.dtype, workers, memory)
@@ -196,11 +230,11 @@ def run_job(
         if found.missing == math.prod(job.tiling.shape):
             raise InputError("every sample is missing, so there is nothing to fair")
         cut = _cut_tiles(job) if found.missing else 0
-        settings = settings_of(job, found.digest)
+        settings = settings_of(job, finer, found.digest)
         if state.started:
             state.compare(settings)
         else:
-            _begin(job, state, settings, prepare)
+            _begin(job, state, settings)
         tiles = len(job.tiling)
         resumed = int(np.count_nonzero(state.states(tiles)))
         with _kept(state):
@@ -241,11 +275,13 @@ def _cut_tiles(job: Job) -> int:
     return len(cut)
 
 
-def settings_of(job: Job, digest: str) -> dict[str, Any]:
+def settings_of(job: Job, finer: Grid, digest: str) -> dict[str, Any]:
     """What a result depends on, to the last bit, by names for messages.
 
     Parameters
     ----------
+    finer
+        The grid of the output.
     digest
         A hash of the samples.
     """
@@ -263,7 +299,14 @@ def settings_of(job: Job, digest: str) -> dict[str, Any]:
         "spacing": list(job.spacing),
         "precision": job.dtype.name,
         "filled gaps": job.fill,
-        "stored type": None if job.store is None else job.store.dtype.name,
+        "stored type": finer.values.dtype.name,
+        "place of the output": {
+            "affine": None if finer.affine is None else finer.affine.tolist(),
+            "axes": list(finer.axes),
+            "crs": finer.crs,
+            "origin": list(finer.origin),
+            "units": finer.units,
+        },
         "tile": [job.tiling.cells, job.tiling.halo],
         "version of contourfair-jax": __version__,
         "version of jax": version("jax"),
@@ -281,14 +324,11 @@ def _begin(
     job: Job,
     state: Unfinished,
     settings: dict[str, Any],
-    prepare: Callable[[Path], None] | None,
 ) -> None:
     """An empty output, and the record of what it is to be."""
     assert job.store is not None
     with in_one_line(state.target):
         state.clear()
-        if prepare is not None:
-            prepare(state.data)
         job.store.create(job.tiling)
         state.begin(settings, len(job.tiling))
 
@@ -297,7 +337,7 @@ def _run_rest(
     job: Job,
     state: Unfinished,
     workers: int | Executor,
-    progress: Callable[[int, int], None] | None,
+    progress: Progress,
 ) -> None:
     """The tiles that are not done."""
     states = state.states(len(job.tiling))
@@ -313,11 +353,9 @@ def _run_rest(
             nonlocal count
             mark(number, DONE if stored.converged else UNCONVERGED, stored.missing)
             count += 1
-            if progress is not None:
-                progress(count, total)
-
-        if progress is not None:
             progress(count, total)
+
+        progress(count, total)
         run_all(job, rest, workers, done)
 
 

@@ -44,11 +44,8 @@ _OVERLAPS: dict[type[AbstractFairing], Overlap] = {
     GlobalFairing: Overlap(24, {2: 256, 3: 64}),
 }
 
-
 # Residual of the linear solves of global fairing: 1e-4 would leave seams of as much.
 _TOLERANCE = 1e-6
-
-
 # Samples along each axis of a refined tile, at most, by the number of dimensions.
 _MOST = {2: 4096, 3: 256}
 

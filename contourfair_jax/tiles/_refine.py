@@ -1,7 +1,7 @@
 """Grids refined tile by tile, into a file or one tile after the other."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from .._fairing.local_fairing.method import LocalFairing
 from .._fairing.method import AbstractFairing
+from .._grid.grid import Grid, exact_float
+from .._support import checks
+from .._support.results import Progress, untold
 from ..io._outputs import check_apart
-from ._job import Outcome, check_room, plan_job, run_job
-from ._run import Worker
+from ._job import Outcome, open_input, plan_job, run_job
+from ._run import Job, Worker
 from ._state import Unfinished
-from ._store import store_for
 from ._tiling import Slices
 
 
@@ -24,13 +27,13 @@ def refine_to(
     factor: int | Sequence[int],
     *,
     method: AbstractFairing | None = None,
-    spacing: float | Sequence[float] = 1.0,
+    spacing: float | Sequence[float] | None = None,
     dtype: Any = None,
     fill: bool = True,
     workers: int | Executor = 1,
     resume: bool = False,
     memory: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = untold,
 ) -> Outcome:
     """Fair and refine a grid of any size into a file.
 
@@ -41,20 +44,21 @@ def refine_to(
     Parameters
     ----------
     source : path or array
-        A ``.npy`` file or Zarr array, by its path, or anything that slices: a NumPy array or memory
-        map, a Zarr array, an xarray `DataArray`.  What is masked or infinite is missing.
+        A ``.npy`` file or Zarr folder, by its path, or anything that slices: a NumPy array or
+        memory map, a Zarr array, an xarray `DataArray`.  What is masked or infinite is missing.
     target : path
-        A name ending in ``.zarr`` (an array of version 3) or ``.npy``.
+        A name ending in ``.zarr`` or ``.npy``.  In Zarr, place, units and names of the source are
+        kept: a source with coordinates becomes a group, as xarray has it, any other an array.
     factor : int or sequence of ndim ints
         How many times finer, along each axis where they differ; one of n samples gets
         ``factor * (n - 1) + 1``.
     method : LocalFairing or GlobalFairing
         As for `fair_field`; settings that look at the whole grid are refused.
     spacing : float or sequence of ndim floats
-        Distance of samples along each axis.
+        Distance of samples along each axis; by default that of the source, 1 where it says none.
     dtype : dtype
-        float32 or float64, to compute and store in; by default the smaller one that holds every
-        sample.
+        float32 or float64, to compute and store in; by default it is computed in float64 and stored
+        in the smaller one that holds every sample, as ``contourfair upsample`` does.
     fill : bool
         Whether global fairing fills missing samples; if not, cells with one at a corner are
         missing.
@@ -99,10 +103,8 @@ def refine_to(
     if isinstance(source, str | os.PathLike):
         check_apart(Path(source), Path(target))
     state = Unfinished(target)
-    job = plan_job(source, factor, method, spacing, dtype, fill)
-    check_room(job.tiling, job.dtype, job.dtype, state)
-    job = replace(job, store=store_for(state.target, state.data, job.tiling, job.dtype))
-    return run_job(job, state, workers, resume, memory, progress)
+    job, grid = _planned(source, factor, method, spacing, dtype, fill)
+    return run_job(job, grid, state, workers, resume, memory, progress)
 
 
 def refine_tiles(
@@ -110,7 +112,7 @@ def refine_tiles(
     factor: int | Sequence[int],
     *,
     method: AbstractFairing | None = None,
-    spacing: float | Sequence[float] = 1.0,
+    spacing: float | Sequence[float] | None = None,
     dtype: Any = None,
     fill: bool = True,
 ) -> Iterator[tuple[Slices, np.ndarray]]:
@@ -128,6 +130,33 @@ def refine_tiles(
     ValueError
         For an argument that cannot be used, or gaps that reach too far beyond a tile to be filled.
     """
-    job = plan_job(source, factor, method, spacing, dtype, fill)
+    job, _ = _planned(source, factor, method, spacing, dtype, fill)
     worker = Worker(job)
-    return ((tile.region, worker.compute(tile)[0]) for tile in job.tiling)
+    return ((tile.region, worker.compute(tile)[0].astype(job.stored)) for tile in job.tiling)
+
+
+def _planned(
+    given: Any,
+    factor: int | Sequence[int],
+    method: AbstractFairing | None,
+    spacing: float | Sequence[float] | None,
+    dtype: Any,
+    fill: bool,
+) -> tuple[Job, Grid]:
+    """A job and its grid from public arguments; ValueError for what cannot be used."""
+    grid, source = open_input(Path(given) if isinstance(given, str | os.PathLike) else given)
+    if grid.ndim not in checks.DIMENSIONS or min(grid.shape) < 3:
+        raise ValueError(
+            "source must be 2-D or 3-D with at least 3 samples along every axis, got shape "
+            f"{grid.shape}"
+        )
+    factors = checks.check_factors(factor, grid.ndim)
+    stored = np.dtype(exact_float(grid.source_dtype) if dtype is None else dtype)
+    if stored not in (np.float32, np.float64):
+        raise ValueError(f"dtype must be float32 or float64, got {stored}")
+    if spacing is not None:
+        steps = checks.check_per_axis(spacing, grid.ndim, "spacing", positive=True)
+        grid = replace(grid, spacing=tuple(np.asarray(steps).tolist()))
+    computed = np.dtype(np.float64) if dtype is None else stored
+    method = LocalFairing() if method is None else method
+    return plan_job(grid, source, factors, method, computed, stored, fill), grid

@@ -41,8 +41,8 @@ class Job:
         Where samples come from and refined ones go to; None where they are not stored.
     tiling, method, spacing
         How the grid is cut and faired.
-    dtype
-        The precision to compute in.
+    dtype, stored
+        The precision to compute in, and the type of the output.
     fill
         Whether what global fairing puts in the place of missing samples is kept.
     """
@@ -54,6 +54,7 @@ class Job:
     method: AbstractFairing
     spacing: tuple[float, ...]
     dtype: np.dtype
+    stored: np.dtype
     fill: bool = True
 
 

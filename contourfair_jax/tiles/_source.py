@@ -23,8 +23,6 @@ from ._tiling import Slices
 # Bytes of samples that are read at once where the order does not matter, and the most where whole
 # chunks are.
 _SLAB_BYTES, _CHUNKED_SLAB_BYTES = 2**25, 2**28
-
-
 # Bytes of a chunk that are no burden, however small the array.
 _SMALL_CHUNK = 2**28
 

@@ -20,11 +20,7 @@ from .._support.errors import InputError
 from ..io._outputs import check_folder, check_target, flush, in_one_line
 
 OPEN, DONE, UNCONVERGED = 0, 1, 2
-
-
 _STATE, _COUNT = np.dtype(np.uint8), np.dtype("<i8")
-
-
 _NOTE = "unfinished: continue with resume, or delete this folder"
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .._grid.grid import Grid
 from .._support.errors import InputError
 from ..io.formats.npy import read_header
 from ._tiling import Slices, Tiling
@@ -85,7 +86,17 @@ def _write_all(stream: Any, data: memoryview) -> None:
 
 @dataclass(frozen=True)
 class ZarrStore:
-    """A Zarr array of version 3, on its own or as a member of a group."""
+    """A Zarr array of version 3, on its own or as a member of a group.
+
+    Parameters
+    ----------
+    member : str or None
+        Its name in the group.
+    names, attributes
+        Of its axes, and what is known about its samples.
+    beside : xarray.Dataset or None
+        What else is in the group: coordinates, the reference system.
+    """
 
     path: Path
     shape: tuple[int, ...]
@@ -93,11 +104,14 @@ class ZarrStore:
     member: str | None = None
     names: tuple[str, ...] | None = None
     attributes: dict[str, Any] = field(default_factory=dict)
+    beside: Any = None
 
     def create(self, tiling: Tiling) -> None:
-        """The metadata; every chunk belongs to one tile."""
+        """The metadata, and what is beside the samples; every chunk belongs to one tile."""
         import zarr
 
+        if self.beside is not None:
+            self.beside.to_zarr(self.path, mode="w", zarr_format=3, consolidated=False)
         zarr.create_array(
             str(self.path),
             name=self.member,
@@ -143,16 +157,30 @@ class ZarrWriter:
 Store = NpyStore | ZarrStore
 
 
-def store_for(target: Path, path: Path, tiling: Tiling, dtype: np.dtype) -> Store:
+def store_for(target: Path, path: Path, tiling: Tiling, finer: Grid) -> Store:
     """The kind of store that the name `target` asks for, at `path` while it is unfinished.
+
+    In Zarr, samples with coordinates or a reference system become a member of a group, others an
+    array on its own.
+
+    Parameters
+    ----------
+    finer
+        The grid of the output, without its samples.
 
     Raises
     ------
     InputError
         The name ends in neither ``.zarr`` nor ``.npy``.
     """
-    kinds: dict[str, type[Store]] = {".zarr": ZarrStore, ".npy": NpyStore}
-    kind = kinds.get(target.suffix.lower())
-    if kind is None:
+    kind, shape, dtype = target.suffix.lower(), tiling.fine_shape, finer.values.dtype
+    if kind == ".npy":
+        return NpyStore(path, shape, dtype)
+    if kind != ".zarr":
         raise InputError(f"{target}: tiles are written to names that end in .zarr or .npy")
-    return kind(path, tiling.fine_shape, dtype)
+    from ..io.formats.zarr import outline_of_group
+
+    beside, member, names, attributes = outline_of_group(finer)
+    if not beside.variables:
+        return ZarrStore(path, shape, dtype, None, names, attributes)
+    return ZarrStore(path, shape, dtype, member, names, attributes, beside)

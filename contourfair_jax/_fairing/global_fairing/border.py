@@ -14,12 +14,8 @@ from jaxtyping import Array, Bool, Float
 
 # Samples on either side.  What the free border leaves falls by a factor of about 4 with each.
 LAYERS = 2
-
-
 # Polynomials of higher degree swing too much.
 LARGEST_DEGREE = 5
-
-
 # Continued samples that noise moves by more than this part of their range tell nothing.
 LOUDEST = 0.1
 

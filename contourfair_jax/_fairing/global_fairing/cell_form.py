@@ -22,8 +22,6 @@ from ..small_systems import invert
 from .hermite import corner_shifts, gather_corners, gram, scatter_corners
 
 Dofs = Float[Array, "twos vertices"]
-
-
 Weights = Float[Array, "groups vertices"]
 
 

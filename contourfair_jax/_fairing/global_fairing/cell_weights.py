@@ -24,11 +24,7 @@ from .hermite import cells_to_rows, rows_to_cells
 
 # Cells that the Gaussian reaches to each side, and the largest width it is cut off well for.
 REACH = 6
-
-
 LARGEST_COHERENCE = 2.5
-
-
 # A symmetric tensor in every cell, entries a <= b.
 CellTensor = dict[tuple[int, int], Float[Array, "*cells"]]
 

@@ -19,26 +19,16 @@ from .linear_system import LinearSystem, Precision, Solution, solve
 # The softest springs, beside an energy of about 1.  Under noise above the spread of the samples
 # they would go on softening for ever, and nothing would hold planes.
 LEAST = 1e-6
-
-
 # The first springs beside those that the forces of an exact fit would stretch by the noise.  Under
 # much noise the forces give way, so these are too hard; under little, springs that are too soft are
 # the sooner corrected.
 SOFTER = 0.03
-
-
 # Powers of what the misfit is too small by that the stiffness is renewed with.
 POWERS = (0.7, 3.0)
-
-
 # Changes of its logarithm that say too little of how it goes with the stiffness.
 SLIGHT = 0.1
-
-
 # Degrees of freedom need not be as exact as the field, but are to be estimated from it at all.
 COARSER, COARSEST = 100, 0.1
-
-
 # The smallest part of all degrees of freedom that is believed to be left.
 LEAST_LEFT = 1e-3
 

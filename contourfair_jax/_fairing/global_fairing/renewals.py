@@ -20,12 +20,8 @@ from .cell_weights import Powers
 from .noise import Springs
 
 Carried = TypeVar("Carried")
-
-
 # Steps of the linear solver at most, each of them two products.
 MOST_STEPS = 200
-
-
 # Relative residual above which there is no derivative to speak of: it becomes NaN.
 WORST_RESIDUAL = 0.01
 

@@ -43,8 +43,6 @@ from .splines import (
 # A symmetric tensor at the quadrature points, entries a <= b.  Points are ordered by the half of
 # every axis (upper halves first), then by the point within it.
 Tensor = dict[tuple[int, int], Float[Array, " points"]]
-
-
 # The same for many vertices.
 Tensors = dict[tuple[int, int], Float[Array, "points batch"]]
 

@@ -33,12 +33,8 @@ from .windows import (
 # Least number of vertices that are worked on together: what is done for them is vector operations
 # as long as their number, too slow when they are short.
 LEAST_BATCH = 128
-
-
 # Points per cell and axis, at most: more are no more accurate, and their tables grow large.
 MOST_POINTS = 32
-
-
 # Batches are multiples of this many vertices, so that every row begins with a line of the cache.
 ALIGNED = 16
 

@@ -21,15 +21,9 @@ from .energy import LocalEnergy, Tensor, cholesky_factor
 
 # The elimination takes several rows at a time: traffic of memory against compile time.
 MOST_PANELS = 7
-
-
 LEAST_ROWS = 4
-
-
 # The inverse of the square on the diagonal of a few rows, and it times what is right of the square.
 Panel = tuple[Float[Array, "w w batch"], Float[Array, "w r batch"]]
-
-
 _invert = apart(invert)
 
 

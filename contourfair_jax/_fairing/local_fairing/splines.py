@@ -43,7 +43,6 @@ TO_BEZIER = np.array(
     ]
 )
 
-
 # Coefficients of phi_0 .. phi_4 from those of the even and odd functions above.
 FROM_PARITY = np.array(
     [
@@ -55,13 +54,8 @@ FROM_PARITY = np.array(
     ]
 )
 
-
 ODD = np.array([0, 0, 1, 0, 1])
-
-
 N_SAMPLES = 3
-
-
 # Coefficients of the quadratic through the three samples of an axis.
 SAMPLES_TO_PARITY = np.array([[0, 1, 0], [0.5, -1, 0.5], [-0.5, 0, 0.5]])
 

@@ -12,8 +12,6 @@ from ..._support.memory import check_memory, describe_bytes
 from .volumes import SPATIAL, select, volume_grid, zyx
 
 _HEADER = 1024
-
-
 _MODES = {0: "i1", 1: "i2", 2: "f4", 6: "u2", 12: "f2"}
 
 

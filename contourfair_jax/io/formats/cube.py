@@ -12,8 +12,6 @@ from ..._support.memory import check_memory
 from .volumes import SPATIAL, select, volume_grid, zyx
 
 _MOST_ATOMS = 10**6
-
-
 _ORBITAL = "orbital"
 
 

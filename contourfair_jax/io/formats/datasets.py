@@ -130,15 +130,10 @@ _OWN = frozenset(
     )
 )
 
-
 # What begins the names of attributes of the whole data set; the writer has its own conventions.
 _GLOBAL, _CONVENTIONS = "global:", "Conventions"
-
-
 # So many variables are named in a note.
 _LISTED = 12
-
-
 _AXIS_TEXTS = frozenset(("units", "axis", "standard_name", "long_name", "positive", "calendar"))
 
 
@@ -155,6 +150,12 @@ def outline_from_dataset(data: xr.Dataset, array: xr.DataArray) -> Grid:
     """A grid like that of `grid_from_dataset` whose values are one zero: nothing is read."""
     dtype = np.dtype(np.float32 if array.dtype.kind == "b" else array.dtype)
     return _described(data, array, dtype, no_samples(array.shape, dtype))
+
+
+def outline_from_array(array: xr.DataArray) -> Grid:
+    """As `outline_from_dataset`, of an array that is not a variable of a data set."""
+    named = array.rename("data" if array.name in (None, *array.coords) else array.name)
+    return outline_from_dataset(named.to_dataset(), named)
 
 
 def choose_array(data: xr.Dataset, key: str | None) -> xr.DataArray:

@@ -21,10 +21,7 @@ from .volumes import LPS, SPATIAL, select, volume_grid, zyx
 
 # How far a slice may lie from its even place, in slices; how far directions may differ.
 _UNEVEN, _TURNED = 0.02, 1e-3
-
-
 _KEPT = {"Modality": "modality", "SeriesDescription": "description", "BodyPartExamined": "part"}
-
 
 # Where files of many frames keep what others have at their top.
 _GROUP = {

@@ -26,15 +26,9 @@ from ..._support.memory import check_memory
 from .volumes import SLICE
 
 _TILE_FROM = 1024
-
-
 # So many bands are named in messages.
 _LISTED = 12
-
-
 _COLOUR = "colour"
-
-
 _COLOURS = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
 
 

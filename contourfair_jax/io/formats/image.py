@@ -15,8 +15,6 @@ from ..._support.errors import InputError, one_line
 from ..._support.memory import check_memory
 
 _CHANNELS = ("red", "green", "blue", "alpha")
-
-
 _TIFF_TYPES = ("uint8", "uint16", "int32", "float32")
 
 

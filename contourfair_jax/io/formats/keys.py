@@ -11,11 +11,7 @@ import numpy as np
 from ..._support.errors import InputError
 
 Part = int | slice
-
-
 _NUMBER = re.compile(r"-?\d{1,12}$")
-
-
 _RANGE = re.compile(r"(-?\d{1,12})?:(-?\d{1,12})?$")
 
 

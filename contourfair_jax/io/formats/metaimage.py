@@ -14,19 +14,11 @@ from .texts import header_lines
 from .volumes import LPS, in_space, select, to_store, to_xyz, volume_grid, without_place, zyx
 
 _IMAGE = "MetaImageIO"
-
-
 _COMPONENT = "component"
-
-
 # What the library adds of its own.
 _OWN = re.compile(r"ITK_|Modality$")
-
-
 # Fields of the header that say how the samples are read.
 _LAYOUT = re.compile(r"Header|Element|Orientation$|DimSize$|NDims$")
-
-
 # Bytes of a text: the library reads no header with longer lines.
 _LONGEST = 32_000
 

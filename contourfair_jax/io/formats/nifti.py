@@ -22,15 +22,9 @@ from ..._support.memory import check_memory
 from .volumes import RAS, in_space, not_kept, select, to_store, to_xyz, volume_grid, zyx
 
 _AXES = ("x", "y", "z", "t", "u", "v", "w")
-
-
 # Fields of the header: those of text, with their name here and most bytes, and those of numbers.
 _TEXTS = {"descrip": ("description", 79), "intent_name": ("intent_name", 15)}
-
-
 _NUMBERS = ("intent_code", "intent_p1", "intent_p2", "intent_p3", "cal_min", "cal_max")
-
-
 _ALIGNED = "2"  # the place refers to another image: what is written where nothing is known
 
 

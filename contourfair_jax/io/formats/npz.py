@@ -19,8 +19,6 @@ from ..._support.errors import InputError
 from .npy import read_array, read_header
 
 _KEYS = ("dims", "units", "affine", "spacing", "origin", "nodata", "valid", "crs", "metadata")
-
-
 _RESERVED = frozenset(("data", *_KEYS))
 
 

@@ -32,7 +32,6 @@ from .volumes import (
 # Kinds of axes along which space or the domain extends.
 _DOMAIN = frozenset(("domain", "space", "???", "none"))
 
-
 # Fields that are decoded or describe the layout; all others are kept as text.
 _DECODED = frozenset(
     re.split(
@@ -45,14 +44,12 @@ _DECODED = frozenset(
     )
 )
 
-
 _COMPRESSED = {
     "gzip": gzip.open,
     "gz": gzip.open,
     "bzip2": bz2.open,
     "bz2": bz2.open,
 }
-
 
 _PIECE = 2**20
 

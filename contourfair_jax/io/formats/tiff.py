@@ -12,8 +12,6 @@ from . import image
 
 # ModelPixelScale, ModelTiepoint, ModelTransformation, GeoKeyDirectory, GDAL_METADATA, GDAL_NODATA
 _GEO_TAGS = frozenset((33550, 33922, 34264, 34735, 42112, 42113))
-
-
 # PhotometricInterpretation, ExtraSamples, and their values for grey and for alpha.
 _PHOTOMETRIC, _EXTRA, _GREY, _ALPHA = 262, 338, (0, 1), (1, 2)
 

@@ -100,11 +100,7 @@ def _parsed(metadata: Mapping[str, str]) -> np.ndarray | None:
 
 
 SPATIAL = ("z", "y", "x")
-
-
 RAS, LPS = "right-anterior-superior", "left-posterior-superior"
-
-
 _FLIP_XY = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 

@@ -37,11 +37,8 @@ from .volumes import (
 )
 
 _COMPONENT = "component"
-
-
 # Some errors come as warnings.
 _SAID = re.compile(r"^(ERROR|.*Warning): In .*\n(?:\w+ \(0x[0-9a-f]+\): )?(.*)", re.MULTILINE)
-
 
 _LEGACY_TYPES = {
     "int8": "char",
@@ -56,17 +53,10 @@ _LEGACY_TYPES = {
     "float64": "double",
 }
 
-
 # Where the size stands in a legacy file; the first bytes are looked through for it.
 _DIMENSIONS = re.compile(rb"^\s*DIMENSIONS\s+(\d{1,18})\s+(\d{1,18})\s+(\d{1,18})\s", re.I | re.M)
-
-
 _HEAD = 2**16
-
-
 _TITLE_BYTES = 250  # of a legacy file, whose lines may have 256
-
-
 _TEXTS = ("units", "crs", "nodata", "metadata")
 
 

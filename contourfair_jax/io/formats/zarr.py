@@ -21,11 +21,8 @@ from .keys import index_of, parse_key
 
 # Chunks have at most so many samples along each axis.
 _CHUNK = {2: 1024, 3: 128}
-
-
 # What the library says of a group that is opened as an array: of version 3, and of version 2.
 _NO_ARRAY = (ContainsGroupError, NodeTypeValidationError, FileNotFoundError)
-
 
 # Codecs that turn bytes into numbers and nothing else: others can run code (numcodecs' pickle).
 _CODECS = frozenset(

@@ -70,10 +70,10 @@ format: $(READY) ## Put the code into the style that `lint` asks for.
 types: $(READY) ## Static types.
 	$(BIN)/pyright
 
-bench: $(READY) ## Run every benchmark (long) and rewrite the tables of the README.
+bench: $(READY) ## Run every benchmark (long) and rewrite the tables of the documents.
 	$(BIN)/python -m benchmarks all
 
-tables: $(READY) ## Rewrite the tables of the README from the stored results.
+tables: $(READY) ## Rewrite the tables of the documents from the stored results.
 	$(BIN)/python -m benchmarks tables
 
 figures: demo ## Redraw the stored pictures: those of the notebooks, and the demo's.

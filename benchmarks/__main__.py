@@ -48,7 +48,11 @@ from benchmarks import (
 from benchmarks.report import Result, Track
 
 HERE = Path(__file__).resolve().parent
-READMES = (HERE.parent / "README.md", HERE / "README.md")
+DOCUMENTS = (
+    HERE.parent / "README.md",
+    *sorted((HERE.parent / "docs").rglob("*.md")),
+    HERE / "README.md",
+)
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
@@ -257,13 +261,13 @@ def all_tables() -> dict[str, str]:
 @app.command("tables")
 def write_tables(
     paths: Annotated[
-        list[Path] | None, typer.Argument(help="Markdown with the markers; both READMEs if none.")
+        list[Path] | None, typer.Argument(help="Markdown with the markers; all documents if none.")
     ] = None,
     check: Annotated[bool, typer.Option(help="Change nothing; fail where out of date.")] = False,
 ) -> None:
     """Rewrite the tables between `<!-- table:NAME -->` and `<!-- end -->` from stored results."""
     tables = all_tables()
-    for path in paths or READMES:
+    for path in paths or DOCUMENTS:
         text = path.read_text(encoding="utf-8")
         fresh = report.replace_tables(text, tables)
         if check and fresh != text:

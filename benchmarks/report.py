@@ -1,4 +1,4 @@
-"""Results as JSON beside facts about the machine, and tables of the README made from them."""
+"""Results as JSON beside facts about the machine, and tables of the documents made from them."""
 
 import json
 import os

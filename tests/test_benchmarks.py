@@ -191,7 +191,7 @@ def test_what_takes_times_runs_alone_and_before_what_does_not(monkeypatch, tmp_p
 
     monkeypatch.setattr(suite.subprocess, "run", run)
     readme = tmp_path / "README.md"
-    monkeypatch.setattr(suite, "READMES", (readme,))
+    monkeypatch.setattr(suite, "DOCUMENTS", (readme,))
     monkeypatch.setattr(suite.upsampling, "PICTURE", tmp_path / "upsampling.png")
     readme.write_text("no tables\n")
     suite.run_all(quiet=True)

@@ -13,6 +13,7 @@ minimises, over what the samples leave free,
 with ``M = I - (1 - w) N`` constant in a cell, spacing relative to the smallest and values scaled
 to spread 1.  The first fit is a thin plate, ``N = 0``.  With a `norm` below 2 every cell counts by
 the power ``norm / 2 - 1`` of the energy that the last fit has in it, in every fit but the first.
+Springs hold the field also to the outermost `layers` of samples, but do not judge the noise there.
 """
 
 import functools
@@ -50,6 +51,7 @@ class Settings(NamedTuple):
     norm: float = 2.0
     sigma: object = None
     cell_weights: object = None
+    layers: int = 0
 
 
 # One cell --------------------------------------------------------------------------------
@@ -283,6 +285,9 @@ def fit(values, spacing, settings):
         stiffnesses, excesses = [np.inf], []
         signs = np.asarray(jax.random.rademacher(jax.random.key(0), samples.shape, float))
         signs = np.where(trust > 0, signs, 0)
+        judged = np.zeros(shape, bool)
+        judged[tuple(slice(settings.layers, n - settings.layers) for n in shape)] = True
+        known = judged.ravel() & (trust > 0)
 
     unknowns, normals = None, None
     for iteration in range(settings.iterations + 1):
@@ -298,14 +303,13 @@ def fit(values, spacing, settings):
             unknowns = solve_with_springs(matrix, samples, pins)
             followed = solve_with_springs(matrix, signs, pins)[:: 2**ndim]
         if settings.sigma is not None:
-            known = trust > 0
             left = max((signs * (signs - followed))[known].mean(), 1e-3)
             forces = (matrix @ unknowns)[:: 2**ndim][known]
             deviations = (unknowns[:: 2**ndim] - np.nan_to_num(samples)) ** 2 * trust
-            excesses.append(max(deviations.sum() / (left * known.sum()), FLAT**2))
-            first = (forces**2).sum() / trust.sum()
+            excesses.append(max(deviations[known].sum() / (left * known.sum()), FLAT**2))
+            first = (forces**2).sum() / trust[known].sum()
             stiffness = next_stiffness(stiffnesses, excesses, first, left)
-            stiffnesses.append(max(stiffness, 1e-6 / max(trust.max(), 1)))
+            stiffnesses.append(max(stiffness, 1e-6 / max(trust[known].max(), 1)))
     unknowns = unknowns.reshape(-1, 2**ndim) * spread
     unknowns[:, 0] += centre
     return unknowns

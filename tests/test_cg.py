@@ -62,3 +62,21 @@ def test_nothing_to_solve(guess, rng):
     np.testing.assert_array_equal(found.value, 0)
     assert found.steps == 0
     assert found.residual == 0
+
+
+def test_residuals_are_relative_to_a_size_that_is_larger(rng):
+    """In the norm of the preconditioner, against products written out."""
+    matrix, right, _, inverse = problem(rng)
+    own = float(np.sqrt(right @ (inverse * right)))
+    steps = []
+    for least in (0.0, 0.5 * own, 30 * own, 1e4 * own):
+        found = conjugate_gradients(
+            lambda x: matrix @ x, right, None, lambda x: inverse * x, 1e-3, 100, least
+        )
+        assert float(found.size) == pytest.approx(max(own, least))
+        left = right - matrix @ found.value
+        residual = float(np.sqrt(left @ (inverse * left))) / float(found.size)
+        assert float(found.residual) == pytest.approx(residual, rel=1e-6)
+        assert residual <= 1e-3
+        steps.append(int(found.steps))
+    assert steps[0] == steps[1] > steps[2] > steps[3] == 0

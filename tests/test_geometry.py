@@ -1,5 +1,6 @@
 """Differentiable geometry: against differences of what the host finds, and closed forms."""
 
+import itertools
 from functools import partial
 
 import jax
@@ -10,7 +11,9 @@ from splines import catmull_rom
 
 import contourfair_jax as cf
 from contourfair_jax import geometry
+from contourfair_jax._bezier.host import HostField
 from contourfair_jax._field import BezierField
+from contourfair_jax.geometry._level_points import SidedField
 from contourfair_jax.metrics import signed_area
 
 SPACING = 0.4
@@ -214,6 +217,73 @@ def test_flat_places_and_missing_points():
     slope, placed = gradient(1.0)
     assert float(slope) == 0
     np.testing.assert_array_equal(placed, points)
+
+
+def net_with_gaps(shape, rng):
+    """A net of which some cells have no values, and which cells have them."""
+    net = catmull_rom(rng.normal(size=shape)).control_points
+    cells = tuple(n - 1 for n in shape)
+    valid = rng.uniform(size=cells) > 0.4
+    for cell in np.argwhere(~valid):
+        net = net.at[tuple(slice(3 * c + 1, 3 * c + 3) for c in cell)].set(jnp.nan)
+    return net, valid
+
+
+def every_half(shape):
+    """Vertices, and the middles of edges, of faces and of cells."""
+    return np.array(list(itertools.product(*(np.arange(0, n - 0.9, 0.5) for n in shape))))
+
+
+def cells_around(point, shape):
+    """All cells that hold a point."""
+    sides = [
+        {int(np.floor(x)), int(np.ceil(x)) - 1} & set(range(n - 1))
+        for x, n in zip(point, shape, strict=True)
+    ]
+    return list(itertools.product(*sides))
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (4, 5, 4)])
+def test_ends_are_faces_with_no_values_behind_them(shape, rng):
+    """Along an axis: on a face across it, and none but the own side of that has values."""
+    net, valid = net_with_gaps(shape, rng)
+    field = BezierField(net, 0.5 * jnp.ones(len(shape)), jnp.zeros(len(shape)))
+    points = every_half(shape)
+    sided = SidedField.of(field, 0.5 * points)
+    kinds = set()
+    for point, own, ends in zip(points, *map(np.asarray, (sided.cells, sided.ends)), strict=True):
+        around = cells_around(point, shape)
+        good = [cell for cell in around if valid[cell]]
+        whole = len(good) == 2 ** np.sum(point == np.round(point))
+        kinds.add((len(good), bool(ends.any())))
+        if whole or not good:
+            assert (own == -1).all(), point
+            assert not ends.any(), point
+            continue
+        assert tuple(own) in good
+        for axis, end in enumerate(ends):
+            across = np.array(own)
+            across[axis] += 1 if point[axis] > own[axis] else -1
+            on_face = point[axis] == np.round(point[axis])
+            assert end == (on_face and tuple(across) not in good), (point, axis)
+    assert {(0, False), (1, False), (1, True), (2, True)} <= kinds
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (4, 5, 4)])
+def test_the_host_has_values_on_faces_beside_cells_without(shape, rng):
+    """Those of a cell that holds the point and has values; NaN where there is none such."""
+    net, valid = net_with_gaps(shape, rng)
+    host, points = HostField(np.asarray(net)), every_half(shape)
+    np.testing.assert_array_equal(host.valid, valid)
+    known = np.array([any(valid[c] for c in cells_around(p, shape)) for p in points])
+    assert 0.1 < known.mean() < 0.95
+    located = host.locate(points[known])
+    for cell, point in zip(located, points[known], strict=True):
+        assert valid[tuple(cell)]
+        assert tuple(cell) in cells_around(point, shape)
+    values, slopes = host.jet(points, 1)
+    np.testing.assert_array_equal(np.isnan(values[0]), ~known)
+    np.testing.assert_array_equal(np.isnan(slopes).any(axis=0), ~known)
 
 
 @pytest.mark.slow

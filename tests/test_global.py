@@ -18,7 +18,11 @@ import pytest
 from helpers import assert_close, samples_of
 
 import contourfair_jax as cf
+from contourfair_jax._fairing.global_fairing.border import LAYERS, LOUDEST, continue_samples
 from contourfair_jax._fairing.global_fairing.cell_form import energy_form, structure_form
+from contourfair_jax._fairing.global_fairing.noise import Springs, noise_of
+from contourfair_jax._fairing.global_fairing.overshoot import limit_slopes
+from contourfair_jax._fairing.global_fairing.renewals import Info
 from contourfair_jax._support.xla import WorkingSet
 from contourfair_jax.io import example
 
@@ -284,6 +288,63 @@ def continued(values, degree):
         )
         values = np.moveaxis(np.concatenate([before, lines, after]), 0, axis)
     return values
+
+
+def continued_sigma(sigma, degree):
+    """Of the same samples, where noise is independent: squares add up, each with its weight's."""
+    variance = 0.0
+    for index in np.ndindex(sigma.shape):
+        unit = np.zeros(sigma.shape)
+        unit[index] = 1
+        variance = variance + (continued(unit, degree) * sigma[index]) ** 2
+    return np.sqrt(variance)
+
+
+continued_by_package = jax.jit(continue_samples, static_argnums=2)
+
+
+@pytest.mark.parametrize(("shape", "degree"), [((7, 6), 1), ((7, 6), 3), ((4, 5, 4), 2)])
+def test_continued_samples_and_their_noise(shape, degree, rng):
+    values, sigma = rng.normal(size=shape), rng.uniform(0.001, 0.02, shape)
+    found = continued_by_package(values, sigma, degree)
+    expected, spread = continued(values, degree), continued_sigma(sigma, degree)
+    loud = spread > LOUDEST * np.ptp(values)
+    assert not loud[(slice(LAYERS, -LAYERS),) * values.ndim].any()
+    np.testing.assert_allclose(found.sigma, spread, rtol=1e-9)
+    np.testing.assert_allclose(found.values, np.where(loud, np.nan, expected), atol=1e-9)
+
+
+def test_noise_of_a_continued_line_by_hand():
+    """A straight line through two samples, -1 and -2 times one and 2 and 3 times the other."""
+    line = np.arange(7.0)[:, None] * np.ones(6)
+    found = continued_by_package(line, np.full(line.shape, 0.01), 1)
+    np.testing.assert_allclose(found.sigma[:2, 2:-2], 0.01 * np.sqrt([[13.0] * 6, [5.0] * 6]))
+    np.testing.assert_allclose(found.values[:2, 2:-2], [[-2.0] * 6, [-1.0] * 6], atol=1e-12)
+
+
+def test_noise_is_judged_at_the_samples_that_were_given():
+    """Continued ones hold the field, but say nothing of its misfit; nor do missing ones."""
+    sigma, missing = np.full((8, 7), 0.5), np.zeros((8, 7), bool)
+    missing[3, 3] = missing[0, 0] = True
+    for layers in (0, 2):
+        noise = noise_of(jnp.asarray(sigma), jnp.asarray(missing), jnp.asarray(2.0), layers)
+        given = ~missing
+        np.testing.assert_allclose(noise.trust, np.where(given, 16.0, 0).ravel())
+        given &= np.pad(np.ones([n - 2 * layers for n in sigma.shape], bool), layers)
+        np.testing.assert_allclose(noise.judged, np.where(given, 16.0, 0).ravel())
+
+
+def test_equals_the_twin_with_noise_and_a_continued_border(rng):
+    """Continued samples are held within the noise that they have, and do not judge it."""
+    grid = cases.Grid((5, 4), FLAT.spacing)
+    values = samples_of("ridge", grid) + 0.05 * rng.normal(size=grid.shape)
+    sigma = np.ptp(values) * rng.uniform(0.002, 0.008, grid.shape)
+    wide, spread = continued(values, 2), continued_sigma(sigma, 2)
+    wide[spread > LOUDEST * np.ptp(values)] = np.nan
+    assert 4 <= np.isnan(wide).sum() <= 16  # loud: the outermost corners, and no more than corners
+    ours = net_of(values, exact(sigma=sigma, border_degree=2), grid.spacing)
+    expected = twin_net(wide, grid, exact(), sigma=spread, layers=LAYERS)
+    assert_close(ours, expected[6:-6, 6:-6], 1e-8)
 
 
 @SLOW
@@ -652,6 +713,48 @@ def cell_ranges(samples):
     return low, high
 
 
+def limited(dofs, shape):
+    """Slopes of every vertex times the largest factor that keeps its points within their cells.
+
+    The points lie a third of a cell along some of the axes from the vertex; each counts in every
+    cell that it belongs to.
+    """
+    ndim = len(shape)
+    parts = list(np.ndindex(*(2,) * ndim))
+    low, high = cell_ranges(dofs[0].reshape(shape))
+    dofs = dofs.reshape(-1, *shape).copy()
+    for vertex in np.ndindex(*shape):
+        slopes, value, factor = dict(zip(parts, dofs[(..., *vertex)], strict=True)), 0.0, 1.0
+        value = slopes.pop((0,) * ndim)
+        for side in np.ndindex(*(2,) * ndim):
+            cell = tuple(v - 1 + s for v, s in zip(vertex, side, strict=True))
+            if any(c < 0 or c >= n for c, n in zip(cell, low.shape, strict=True)):
+                continue
+            thirds = (2 * np.array(side) - 1) / 3
+            for point in parts:
+                rise = sum(
+                    np.prod((thirds * point)[np.array(part, bool)]) * slope
+                    for part, slope in slopes.items()
+                )
+                room = (high[cell] - value) if rise > 0 else (value - low[cell])
+                if abs(rise) > room:
+                    factor = min(factor, room / abs(rise))
+        dofs[(slice(1, None), *vertex)] *= factor
+    return dofs.reshape(len(dofs), -1)
+
+
+@pytest.mark.parametrize("shape", [(6, 5), (4, 3, 4)])
+def test_the_limiter_takes_no_more_than_it_has_to(shape, rng):
+    values = rng.normal(size=shape).ravel()
+    slopes = rng.normal(size=(2 ** len(shape) - 1, values.size)) * rng.uniform(0, 2, values.size)
+    dofs = np.concatenate([values[None], slopes])
+    ours = np.asarray(jax.jit(limit_slopes, static_argnums=1)(dofs, shape))
+    expected = limited(dofs, shape)
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-12)
+    untouched = (ours == dofs).all(axis=0).mean()
+    assert 0.02 < untouched < 0.9
+
+
 @pytest.mark.parametrize("grid", [FLAT, pytest.param(SOLID, marks=SLOW)], ids=["2d", "3d"])
 def test_limiter(grid):
     for name in ("sharp_step", "noise", "ridge", "spike"):
@@ -789,6 +892,61 @@ def test_gradients_at_holes_and_flat_data_are_finite():
         found = gradient_of(ARGUMENTS | {"values": values})
         assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
         np.testing.assert_array_equal(np.asarray(found["values"])[np.isnan(values)], 0)
+
+
+@pytest.mark.parametrize(
+    "sigma", [pytest.param(None, marks=SLOW, id="exact"), pytest.param(0.3, id="noise")]
+)
+def test_earlier_solves_of_a_derivative_are_as_exact_as_the_last(sigma, monkeypatch, rng):
+    """In reverse mode each hands down the size of its right-hand side, or a larger one before it.
+
+    Sizes are in the norm of the inverse blocks of the vertices.  Beside a far larger size nothing
+    is solved, as if the field were that of the samples with slopes that are given.
+    """
+    values, shape, stiffness = jnp.asarray(rng.normal(size=(4, 5))), (4, 5), 0.7
+    dofs, pulled = (rng.normal(size=(4, 20)) for _ in range(2))
+    method = cf.GlobalFairing(sigma=sigma, tolerance=1e-6)
+
+    def iterate(values, weight, size):
+        """The field, and the size, after one iteration from a field that is given."""
+        found = []
+
+        def renew(renewal, state, powers, _):
+            springs = state.springs and Springs(*map(jnp.asarray, (stiffness, jnp.inf, 1.0)))
+            before = state._replace(dofs=jnp.asarray(dofs), springs=springs, size=size)
+            after, _ = renewal(before, powers._replace(thin_plate_weight=weight))
+            found.extend((after.dofs, after.size))
+            return state.dofs, Info(*jnp.zeros((3, 1)))
+
+        monkeypatch.setattr("contourfair_jax._fairing.global_fairing.method.renew", renew)
+        method.fit(values, jnp.ones(2))
+        return tuple(found)
+
+    @jax.jit
+    def pull(in_field, in_size):
+        return jax.vjp(iterate, values, 0.05, 0.0)[1]((in_field, in_size))
+
+    settings = global_twin.Settings()
+    unknowns = dofs.T.ravel()
+    tensors = global_twin.structure_tensors(unknowns, shape, (1.0, 1.0), 0.0)
+    normals = global_twin.normal_tensors(global_twin.smoothed(tensors, 1.2, 2), 1, 2)
+    matrix = global_twin.energy_matrix(normals, unknowns, shape, (1.0, 1.0), settings)
+    blocks = np.array([matrix[k : k + 4, k : k + 4] for k in range(0, 80, 4)])
+    first = 1
+    if sigma:
+        blocks[:, 0, 0] += stiffness * (np.ptp(values) / sigma) ** 2
+        first = 0
+    squares = [
+        right[first:] @ np.linalg.solve(block[first:, first:], right[first:])
+        for block, right in zip(blocks, pulled.T, strict=True)
+    ]
+    own = np.sqrt(np.sum(squares))
+
+    alone = pulled[0].reshape(shape) / np.ptp(values)
+    for given in own * np.array([0.0, 0.5, 2.0, 1e9]):
+        in_values, _, size = pull(pulled, given)
+        assert float(size) == pytest.approx(max(own, given), rel=1e-9)
+        assert np.allclose(in_values, alone, rtol=1e-12) == (given == 1e9 * own)
 
 
 @SLOW

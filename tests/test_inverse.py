@@ -1,5 +1,6 @@
 """Inverse problems: every kind of data, every optimiser, what is refused, real terrain."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,10 +24,11 @@ from contourfair_jax.inverse import (
     Values,
     fit_samples,
 )
-from contourfair_jax.inverse._extent import padded_count
+from contourfair_jax.inverse._extent import Extent, padded_count
 from contourfair_jax.inverse._observations import along, interval_averages
 from contourfair_jax.inverse._optimisers import search
 from contourfair_jax.inverse._prior import cosines
+from contourfair_jax.inverse._problem import deviation, pose
 from contourfair_jax.io import example
 
 BOTH = pytest.mark.both_precisions
@@ -121,6 +123,24 @@ def test_standard_deviation_is_that_of_the_dense_covariance(values_fit):
     found = values_fit.standard_deviation(lambda field: field(point))
     np.testing.assert_allclose(found, expected, rtol=1e-3)
     assert 0.005 < float(found) < 0.1
+
+
+def test_standard_deviations_of_samples_that_were_measured(rng):
+    """Every sample with noise of its own, next to no prior: noise adds up as it does by hand."""
+    spacing, origin = map(np.array, GRID.values())
+    extent = Extent(SHAPE, spacing, origin, np.dtype(float))
+    points = np.indices(SHAPE).transpose(1, 2, 0).reshape(-1, 2) * spacing + origin
+    sigma = rng.uniform(0.1, 0.5, SHAPE)
+    misfit, _ = Values(points, rng.normal(size=64), sigma.ravel()).prepare(extent)
+    bases = (jnp.asarray(cosines(8)),) * 2
+    problem = eqx.filter_jit(pose)((misfit,), extent, LINEAR, ThinPlate(weight=1e-9), bases)
+    one = np.zeros(SHAPE)
+    one[2, 5] = 1.0
+    for weights in (one, np.ones(SHAPE), 1e3 * rng.normal(size=SHAPE)):
+        gradient = jnp.zeros((22, 22)).at[::3, ::3].set(weights)
+        found = deviation(problem, jnp.zeros(SHAPE), gradient, 500)
+        expected = np.sqrt(np.sum((weights * sigma) ** 2))
+        np.testing.assert_allclose(found, expected, rtol=1e-3)
 
 
 @SLOW
@@ -235,6 +255,20 @@ def test_points_along_a_line():
     assert (on_first | on_second).all()
     single, _ = along(np.ones((3, 2)), 0.5)
     assert single.tolist() == [[1.0, 1.0]]
+
+
+@pytest.mark.parametrize("step", [None, 0.4, 0.07])
+def test_weights_of_contour_lines_are_their_lengths(step):
+    """However they are cut: one over the square of sigma for each length of the least spacing."""
+    bent = np.array([[0.0, 3.0], [3.0, 3.0], [3.0, 4.0]])  # of length 4
+    lines = [(1.0, bent), (2.0, bent[1:]), (3.0, bent[:2])]
+    spacing = np.array([2.0, 0.5])
+    extent = Extent(SHAPE, spacing, np.array(GRID["origin"]), np.dtype(float))
+    misfit, count = ContourLines(lines, 0.2, step).prepare(extent)
+    weights, levels = (np.asarray(x)[:count] for x in (1 / misfit.sigma**2, misfit.values))
+    for (level, _), length in zip(lines, (4.0, 1.0, 3.0), strict=True):
+        assert weights[levels == level].sum() == pytest.approx(length / 0.5 / 0.2**2)
+    assert np.isinf(misfit.sigma[count:]).all()
 
 
 @SLOW

@@ -11,6 +11,7 @@ import twin
 from helpers import assert_close, net_of, samples_of
 
 import contourfair_jax as cf
+from contourfair_jax._fairing.local_fairing.windows import window_shape, window_starts
 from contourfair_jax._support.xla import WorkingSet
 
 GRIDS = [*cases.GRIDS[2], *cases.GRIDS[3]]
@@ -216,3 +217,39 @@ def test_how_the_vertices_are_divided_changes_nothing(monkeypatch, cores):
 
     # One batch at a time, for which a core's share is too small, and one for every core.
     assert_close(net(cores, 2**21), net(cores, 1), 1e-13)
+
+
+# Windows ---------------------------------------------------------------------------------
+
+
+def net_in_windows(monkeypatch, values, vertices):
+    """Thin plate net of a grid cut into windows of so many vertices at most; how many there are."""
+    small = WorkingSet(vertices, 2**20, 1, 2**20)
+    monkeypatch.setattr("contourfair_jax._fairing.local_fairing.method.working_set", lambda: small)
+    method, spacing = cf.LocalFairing(iterations=0, quadrature_order=2), jnp.ones(values.ndim)
+    net = jax.jit(lambda v: method.fit(v, spacing)[0])(jnp.asarray(values))
+    window = window_shape(values.shape, vertices)
+    return np.asarray(net), len(window_starts(values.shape, window))
+
+
+@pytest.mark.parametrize(
+    ("shape", "vertices", "count"), [((9, 7), 6, 9), ((8, 10), 12, 4), ((4, 6, 5), 8, 4)]
+)
+def test_windows_are_put_together_to_the_net_of_the_twin(monkeypatch, rng, shape, vertices, count):
+    """The twin knows no windows; some of these overlap, since they do not divide the grid."""
+    values = rng.normal(size=shape)
+    net, windows = net_in_windows(monkeypatch, values, vertices)
+    assert windows == count
+    expected = twin.fair_net(values, (1.0,) * values.ndim, iterations=0, quadrature_order=2)
+    assert_close(net, expected, 1e-9)
+
+
+def test_a_grid_of_many_windows_is_c1(monkeypatch, rng):
+    """Of the size that windows really have."""
+    values = rng.normal(size=(100, 100))
+    net, windows = net_in_windows(monkeypatch, values, 2048)
+    assert windows > 4
+    np.testing.assert_array_equal(net[::3, ::3], values)
+    for axis in range(2):
+        before, at, after = (np.take(net, np.arange(3, 297, 3) + k, axis) for k in (-1, 0, 1))
+        np.testing.assert_allclose(after - at, at - before, rtol=0, atol=1e-13)

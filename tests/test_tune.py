@@ -3,14 +3,26 @@
 import functools
 
 import cases
+import global_twin
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
+from scipy.stats import chi2
 
 import contourfair_jax as cf
-from contourfair_jax._fairing.tuning import CANDIDATES
+from contourfair_jax._fairing.tuning import (
+    CANDIDATES,
+    HANDICAP,
+    NOISES,
+    PROBE,
+    SMOOTH,
+    Errors,
+    _exact,
+    _noisy,
+    errors_of,
+)
 
 BOTH = pytest.mark.both_precisions
 SLOW = pytest.mark.slow
@@ -179,6 +191,55 @@ def test_volume():
     x, y, z = np.meshgrid(*[np.linspace(-1, 1, 7)] * 3, indexing="ij")
     method = cf.tune(np.exp(-((4 * (x - 0.8 * y + 0.3 * z)) ** 2)))
     assert float(method.thin_plate_weight) < 1
+
+
+# How errors are judged -------------------------------------------------------------------
+
+
+def test_errors_at_dropped_samples_by_hand():
+    """Everywhere, away from the border, and the mean square that normal errors have by median."""
+    dropped = np.indices(RIDGE.shape).sum(axis=0) % 2 == 1
+    given = np.where(dropped, np.nan, RIDGE)
+    net = global_twin.fair_net(given, (1.0, 1.0), iterations=0, smoothness=PROBE.smoothness)
+    squares = (net[::3, ::3] - RIDGE) ** 2
+    inner = np.pad(np.ones((8, 8), bool), 1)
+    found = errors_of(PROBE, jnp.asarray(RIDGE), jnp.ones(2), [jnp.asarray(dropped)])
+    expected = (
+        squares[dropped].mean(),
+        squares[dropped & inner].mean(),
+        np.median(squares[dropped]) / chi2.median(1),
+    )
+    np.testing.assert_allclose(found, expected, rtol=2e-3)
+    assert abs(found.inside / found.everywhere - 1) > 0.05
+
+
+@pytest.mark.parametrize("part", ["everywhere", "inside", "typical"])
+def test_smooth_samples_are_recognised_away_from_the_border(part):
+    """Where the probe is better there, whatever it is at the border; and nowhere else."""
+    better, worse = (1 / HANDICAP - 0.01, 1 / HANDICAP + 0.01)
+
+    def judge(candidate):
+        return probed if candidate == PROBE else Errors(1.0, 1.0, 1.0)
+
+    tried = list(CANDIDATES)
+    probed = Errors(worse, worse, worse)._replace(**{part: better})
+    assert (_exact(tried, judge, None)[0] == SMOOTH) == (part == "inside")
+    probed = Errors(better, better, better)._replace(**{part: worse})
+    assert (_exact(tried, judge, None)[0] == SMOOTH) == (part != "inside")
+
+
+@pytest.mark.parametrize("least", ["everywhere", "typical"])
+def test_noise_is_tried_beside_the_errors_that_it_has_everywhere(least):
+    """Parts of the root of the smaller mean square: features with large errors are no noise."""
+    exact = Errors(9.0, 1e-3, 9.0)._replace(**{least: 4.0})
+    seen = []
+
+    def judge(candidate):
+        seen.append(candidate.sigma)
+        return exact
+
+    assert _noisy(CANDIDATES[0], judge).sigma == 0
+    np.testing.assert_allclose(seen[-len(NOISES) :], 2 * np.array(NOISES))
 
 
 # Bad input -------------------------------------------------------------------------------

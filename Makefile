@@ -16,7 +16,7 @@ PYTEST := $(BIN)/python -m pytest
 # is done without optimisation, by XLA's quicker emitters, and kept for the next run.  Threads of
 # OpenBLAS would only wait for each other.  With 64-bit types on the other slow tests compile as
 # users do.
-DERIVATIVES := tests/test_derivatives.py tests/test_local_jax.py
+DERIVATIVES := tests/fairing/test_derivatives.py tests/fairing/local_fairing/test_programs.py
 SPREAD := --numprocesses auto --dist worksteal
 FAST := $(PYTEST) -m "not slow and not data" $(SPREAD)
 CHEAP := --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false

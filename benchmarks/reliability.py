@@ -12,8 +12,8 @@ from benchmarks.report import Result, Track
 X64 = True
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 PARTS = {
-    "kills": ("test_tiles.py", "test_kills_lose_nothing"),
-    "files": ("test_fuzz_io.py", "test_damaged_files_end_in_one_line"),
+    "kills": ("tiles/test_refine.py", "test_kills_lose_nothing"),
+    "files": ("io/test_fuzz_io.py", "test_damaged_files_end_in_one_line"),
 }
 
 

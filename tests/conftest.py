@@ -13,16 +13,14 @@ os.environ.setdefault("JAX_ENABLE_X64", "1")
 import jax
 import numpy as np
 import pytest
+from helpers import DATA, SEED
 
 from contourfair_jax import cli
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-ROOT = Path(__file__).resolve().parent.parent
-DATA = Path(os.environ.get("CONTOURFAIR_DATA", ROOT.parent / "shared" / "data"))
 MOST_MAPS = 25_000
-SEED = int(os.environ.get("CONTOURFAIR_TEST_SEED", "0"))
 
 
 def pytest_configure(config):

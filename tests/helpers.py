@@ -1,10 +1,17 @@
 """What the tests of the engine share: nets as arrays, samples by name, products, a tolerance."""
 
+import os
+from pathlib import Path
+
 import cases
 import jax
 import numpy as np
 
 import contourfair_jax as cf
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("CONTOURFAIR_DATA", ROOT.parent / "shared" / "data"))
+SEED = int(os.environ.get("CONTOURFAIR_TEST_SEED", "0"))
 
 
 def net_of(values, spacing=1.0, **settings):

@@ -13,10 +13,9 @@ import numpy as np
 import pydicom
 import pytest
 import SimpleITK as sitk
-from file_helpers import inside, same_places, samples  # noqa: F401
+from file_helpers import STEPS, UP, ccp4, cube, inside, oblique, same_places, samples, slices  # noqa: F401
 from pydicom.data import get_testdata_file
 from pydicom.uid import generate_uid
-from test_formats import STEPS, oblique
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkDataSetReader
@@ -445,35 +444,6 @@ def test_the_size_in_a_legacy_header_is_checked_first(tmp_path, monkeypatch, siz
 # ---- cube files and CCP4 maps ------------------------------------------------------------------
 
 
-def cube(orbitals: int = 1, angstrom: bool = False) -> bytes:
-    """Two atoms, a grid of 6 x 5 x 4 (x, y, z) with a turned axis, z fastest."""
-    sign, atoms = -1 if angstrom else 1, -2 if orbitals > 1 else 2
-    lines = ["water", "density", f"{atoms} 1.0 2.0 3.0", f"{6 * sign} 0.5 0.25 0.0"]
-    lines += [f"{5 * sign} 0.0 1.5 0.0", f"{4 * sign} 0.0 0.0 2.0"]
-    lines += ["8 8.0 0.0 0.0 0.0"] * 2
-    if orbitals > 1:
-        lines += [f"{orbitals} " + " ".join(str(k + 7) for k in range(orbitals))]
-    values = np.stack([samples().T + 1000 * k for k in range(orbitals)], -1)
-    lines += [" ".join(f"{value:.5E}" for value in row) for row in values.reshape(30, -1)]
-    return "\n".join(lines).encode()
-
-
-def ccp4(order: str = "<", turns: tuple[int, int, int] = (2, 1, 3), **words: float) -> bytes:
-    """A map whose columns are along b and rows along a, of a cell with a right angle or not."""
-    header = np.zeros(256, f"{order}i4")
-    reals = header.view(f"{order}f4")
-    sizes = {1: 6, 2: 5, 3: 4}
-    header[:4] = [*(sizes[axis] for axis in turns), 1]
-    header[4:7] = [{1: 10, 2: 20, 3: 30}[axis] for axis in turns]
-    header[7:10] = [12, 10, 8]
-    reals[10:16] = [6.0, 15.0, 16.0, 90.0, 90.0, words.get("gamma", 90.0)]
-    header[16:19] = turns
-    data = bytearray(header.tobytes())
-    data[208:216] = b"MAP " + (b"\x44\x44\0\0" if order == "<" else b"\x11\x11\0\0")
-    values = samples().T.transpose([axis - 1 for axis in turns])  # columns, rows, sections
-    return bytes(data) + values.astype(f"{order}i2").tobytes(order="F")
-
-
 def test_a_cube_file(tmp_path):
     for angstrom, units in ((False, "bohr"), (True, "angstrom")):
         (tmp_path / "a.cube").write_bytes(cube(angstrom=angstrom))
@@ -523,26 +493,6 @@ def test_truncated_cube_files_and_maps(tmp_path, name, whole):
 
 
 # ---- DICOM -------------------------------------------------------------------------------------
-
-
-def slices(folder, places, number=7, uid=None, **changes):
-    """A series of CT slices; the stored value of all samples of slice k is k."""
-    folder.mkdir(exist_ok=True)
-    uid = uid or generate_uid()
-    for k, place in enumerate(places):
-        image = pydicom.dcmread(get_testdata_file("CT_small.dcm"))
-        image.SeriesInstanceUID, image.SeriesNumber = uid, number
-        image.SOPInstanceUID = image.file_meta.MediaStorageSOPInstanceUID = generate_uid()
-        image.SeriesDescription = "head"
-        image.ImagePositionPatient = list(place)
-        image.PixelData = np.full((128, 128), k, "<i2").tobytes()
-        for name, value in changes.items():
-            setattr(image, name, value)
-        image.save_as(folder / f"{hash((k, number)) % 997:03d}_{number}_{k}")
-    return folder
-
-
-UP = [(-10.0, -20.0, 5.0 + 2.5 * k) for k in (3, 0, 4, 1, 2)]
 
 
 def test_a_folder_of_slices_is_a_volume(tmp_path):

@@ -3,11 +3,19 @@
 import os
 import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
-from file_helpers import WRITTEN_3D, inside, placed, same_places, samples  # noqa: F401
+from file_helpers import (  # noqa: F401
+    STEPS,
+    WRITTEN_3D,
+    inside,
+    oblique,
+    placed,
+    same_places,
+    samples,
+)
+from helpers import ROOT
 
 from contourfair_jax.io import (
     FORMATS,
@@ -22,20 +30,8 @@ from contourfair_jax.io import (
 )
 
 DTYPES = ("uint8", "int16", "uint16", "int32", "int64", "float32", "float64")
-STEPS = np.diag([2.0, 1.5, 0.5, 1.0]) + np.eye(4, k=3) * 40
 DOWN = STEPS * [[-1], [1], [-1], [1]]
 KEEP_NODATA = (".nc", ".zarr", ".nrrd", ".nhdr", ".mha", ".mhd", ".vti")
-
-
-def oblique() -> np.ndarray:
-    """Turned about two axes, with different steps, far from the origin."""
-    a, b = 0.3, -0.2
-    first = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
-    second = np.array([[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
-    affine = np.eye(4)
-    affine[:3, :3] = first @ second @ np.diag([2.0, 1.5, 0.5])
-    affine[:3, 3] = [-30.0, 12.5, 81.0]
-    return affine
 
 
 def back(tmp_path, suffix: str, grid: Grid) -> tuple[Grid, tuple[str, ...]]:
@@ -409,7 +405,7 @@ def test_a_missing_package_names_the_extra(tmp_path, monkeypatch, each):
 
 
 def test_the_extras_are_in_the_project_file():
-    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     extras = project["project"]["optional-dependencies"]
     for each in FORMATS:
         if each.outside is not None:

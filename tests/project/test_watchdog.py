@@ -10,12 +10,12 @@ from pathlib import Path
 import hang_worker
 import jax
 import pytest
+from helpers import ROOT
 from packaging.specifiers import SpecifierSet
 from packaging.version import Version
 
 import contourfair_jax as cf
 
-ROOT = Path(__file__).resolve().parent.parent
 WORKER = ROOT / "tests" / "hang_worker.py"
 # A hang never ends; compilation on a busy machine takes a minute.
 LIMIT = 240

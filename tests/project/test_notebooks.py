@@ -2,15 +2,14 @@
 
 import base64
 import io
-from pathlib import Path
 
 import jupytext
 import nbclient
 import numpy as np
 import PIL.Image
 import pytest
+from helpers import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from file_helpers import ccp4, cube
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from test_volumes import ccp4, cube
 
 import contourfair_jax as cf
 from contourfair_jax import cli

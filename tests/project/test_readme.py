@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import ROOT
 from typer.testing import CliRunner
 
 import contourfair_jax as cf
 from contourfair_jax import demo
 from contourfair_jax.io import example, read
 
-ROOT = Path(__file__).resolve().parent.parent
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
 """Those whose examples run."""

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr
-from conftest import SEED
-from file_helpers import samples
-from test_volumes import UP, ccp4, cube, slices
+from file_helpers import UP, ccp4, cube, samples, slices
+from helpers import SEED
 
 from contourfair_jax.cli import main
 from contourfair_jax.io import FORMATS, Format, Grid, _isolate, write

@@ -18,7 +18,7 @@ import pytest
 import tile_worker
 import xarray as xr
 import zarr
-from conftest import SEED
+from helpers import SEED
 
 import contourfair_jax as cf
 from contourfair_jax import tiles

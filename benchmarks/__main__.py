@@ -18,34 +18,25 @@ from rich.console import Console
 from rich.markdown import Markdown
 from rich.progress import Progress
 
-from benchmarks import (
+from benchmarks.common import engine, report
+from benchmarks.common.report import Result, Track
+from benchmarks.endurance import reliability, tiles
+from benchmarks.quality import (
     accuracy,
     contours,
-    cost,
-    engine,
     gains,
-    gpu,
     holes,
     inverse,
     leaves,
-    machine,
-    memory,
     noise,
-    parts,
     protocols,
     real,
-    reliability,
-    report,
     robustness,
     seams,
     surfaces,
     synthetic,
-    table2,
-    targets,
-    tiles,
-    upsampling,
 )
-from benchmarks.report import Result, Track
+from benchmarks.speed import cost, gpu, machine, memory, parts, table2, targets, upsampling
 
 HERE = Path(__file__).resolve().parent
 DOCUMENTS = (

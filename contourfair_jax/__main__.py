@@ -1,4 +1,4 @@
-"""The entry of the command line: ``contourfair``, and ``python -m contourfair_jax``."""
+"""The entry of the command line, alone because an interrupt may come before all imports."""
 
 import os
 import sys

@@ -1,3 +1,3 @@
-"""The version, in a file of its own: the build and all floors read it, and import no more."""
+"""The version, alone because the build and all floors read it."""
 
 __version__ = "0.1.0"

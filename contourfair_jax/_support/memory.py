@@ -1,4 +1,4 @@
-"""Sizes are checked against this machine's memory before anything is allocated."""
+"""Sizes checked against this machine's memory, alone because readers start with it only."""
 
 import os
 

@@ -31,7 +31,8 @@ class Members(Sequence[Member]):
         return iter(self.members)
 
 
-# Called with how much is done, and how much there is to do.
+# Called as ``progress(done, total)``, first with nothing done: so all long calls tell how far they
+# are.
 Progress: TypeAlias = Callable[[int, int], None]
 
 

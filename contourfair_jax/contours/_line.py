@@ -1,4 +1,4 @@
-"""A contour line, and the signed area within it."""
+"""A contour line and the area within, alone because files and pictures need no tracer."""
 
 from dataclasses import dataclass
 

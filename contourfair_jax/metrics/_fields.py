@@ -9,8 +9,16 @@ from .._field import BezierField
 def overshoot(field: BezierField) -> float:
     """How far the field leaves the range of its samples, as a fraction of that range.
 
-    Proved by Bernstein bounds to 1e-9 of the range; 0 for constant samples.  NaN cells are left
-    out, 0 if all are.  Any dimension.
+    Parameters
+    ----------
+    field : BezierField
+        Of any dimension.  Cells that hold NaN are left out.
+
+    Returns
+    -------
+    float
+        Proved by Bernstein bounds to 1e-9 of the range; 0 for constant samples, and where no cell
+        is left.
     """
     samples = np.asarray(field.samples)
     samples = samples[np.isfinite(samples)]
@@ -26,7 +34,15 @@ def overshoot(field: BezierField) -> float:
 def c1_jump(field: BezierField) -> float:
     """Largest jump of a first derivative between cells, over the largest first derivative.
 
-    Rounding only where the field is C1.  Any dimension; NaN is left out.
+    Parameters
+    ----------
+    field : BezierField
+        Of any dimension.  Jumps and derivatives that are NaN are left out.
+
+    Returns
+    -------
+    float
+        Rounding only where the field is C1.
     """
     net = np.asarray(field.control_points, dtype=np.float64)
     jump = slope = 0.0

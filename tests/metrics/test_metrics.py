@@ -440,7 +440,7 @@ REAL = ("Maunga Whau terrain", "Olinda terrain", "Luxembourg terrain", "sea-surf
 @pytest.mark.slow
 def test_no_lines_cross_on_real_data(shared_data):
     """Integers, plateaus and missing samples; `benchmarks contours` does all data sets."""
-    from benchmarks import contours
+    from benchmarks.quality import contours
 
     seen = 0
     for name, samples in contours.raw_fields(shared_data):

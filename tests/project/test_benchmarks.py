@@ -16,10 +16,11 @@ from scipy import ndimage
 
 import contourfair_jax as cf
 from benchmarks import __main__ as suite
-from benchmarks import clock, data, fields, metrics, peers, report, upsampling
-from benchmarks.cost import waves
-from benchmarks.naive import fair_naively
-from benchmarks.targets import fairing
+from benchmarks.common import clock, data, fields, metrics, peers, report
+from benchmarks.common.naive import fair_naively
+from benchmarks.speed import upsampling
+from benchmarks.speed.cost import waves
+from benchmarks.speed.targets import fairing
 
 EXACT = {**peers.SPLINES, **peers.OTHER_ENDS}
 REFERENCE = {
@@ -147,7 +148,7 @@ def test_table_cells():
 
 def test_smoothed_lines_cross_and_contours_do_not():
     pytest.importorskip("shapely")
-    from benchmarks import robustness
+    from benchmarks.quality import robustness
 
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]])
     assert robustness.crossings([(0.0, square), (1.0, square + 0.5)]) == 1
@@ -157,7 +158,7 @@ def test_smoothed_lines_cross_and_contours_do_not():
 
 @pytest.mark.data
 def test_real_field_scores():
-    from benchmarks import real
+    from benchmarks.quality import real
 
     field = data.load(data.PLANE, "sea-level pressure")
     if field is None:

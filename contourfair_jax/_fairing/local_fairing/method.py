@@ -119,7 +119,7 @@ class LocalFairing(AbstractFairing):
     ) -> Float[Array, "points vertices"]:
         """Bezier points of the patches around every vertex, a batch for each core at a time."""
         count = samples.shape[1]
-        cores, most = _batches(energy, samples.dtype)
+        cores, most = division(energy, samples.dtype)
         rounds = -(-count // (cores * most))
         batches = rounds * cores
         size = -(-count // (batches * ALIGNED)) * ALIGNED
@@ -198,7 +198,7 @@ def _thin_plate_operator(energy: LocalEnergy) -> Float[Array, "fairing samples"]
     return solve_small(matrix[:, :, 0], rhs)
 
 
-def _batches(energy: LocalEnergy, dtype: jnp.dtype) -> tuple[int, int]:
+def division(energy: LocalEnergy, dtype: jnp.dtype) -> tuple[int, int]:
     """How many batches are worked on at once, and the most vertices in each.
 
     One for every core where what a core needs stays in its cache, or else a large one for all.

@@ -11,8 +11,6 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax
-import optimistix
 from jaxtyping import Array, Float
 
 from ..._support.xla import apart, kept
@@ -93,6 +91,10 @@ class LeastSquares(AbstractSolver):
     """
 
     def __call__(self, energy, tensor, samples):
+        # Half a second of imports, which nothing else of fairing needs.
+        import lineax
+        import optimistix
+
         def fit(tensor: Tensor, given: Array) -> Array:
             factor = cholesky_factor(tensor)
 

@@ -1,4 +1,4 @@
-"""Texts in headers that are lines of text, such as ``name := text`` or ``name = text``."""
+"""Texts in headers that consist of lines, alone because several formats have such headers."""
 
 import re
 from collections.abc import Mapping

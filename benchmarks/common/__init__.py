@@ -1,0 +1,1 @@
+"""What benchmarks share: clock, reports, peers, fields, data, the engine in one face."""

@@ -1,0 +1,1 @@
+"""How reliable, how large: tiles, killed runs, damaged files."""

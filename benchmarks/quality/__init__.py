@@ -1,0 +1,1 @@
+"""How good: errors, contours, surfaces, seams, noise, holes."""

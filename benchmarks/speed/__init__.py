@@ -1,0 +1,1 @@
+"""How fast, how large: times beside peers and floors, memory."""

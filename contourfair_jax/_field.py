@@ -1,13 +1,11 @@
 """The result of fairing: an immutable C1 piecewise cubic field."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ._bezier.evaluate import OUTSIDE, full_hessian, mean_curvature, partials
@@ -106,9 +104,7 @@ class BezierField(eqx.Module):
         """The samples the field passes through."""
         return self.control_points[(slice(None, None, 3),) * self.ndim]
 
-    def __call__(
-        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
-    ) -> Float[Array, " *batch"]:
+    def __call__(self, points: checks.Points, outside: str = "nan") -> Float[Array, " *batch"]:
         """Values at physical coordinates, shape (..., ndim) -> (...).
 
         Raises
@@ -118,9 +114,7 @@ class BezierField(eqx.Module):
         """
         return self._derivatives(points, outside, 0)[0][..., 0]
 
-    def gradient(
-        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
-    ) -> Float[Array, "*batch ndim"]:
+    def gradient(self, points: checks.Points, outside: str = "nan") -> Float[Array, "*batch ndim"]:
         """Gradients at physical coordinates, in units of value per length.
 
         Raises
@@ -131,7 +125,7 @@ class BezierField(eqx.Module):
         return self.value_and_gradient(points, outside)[1]
 
     def value_and_gradient(
-        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
+        self, points: checks.Points, outside: str = "nan"
     ) -> tuple[Array, Array]:
         """Values (...) and gradients (..., ndim) at physical coordinates, from one gather.
 
@@ -144,7 +138,7 @@ class BezierField(eqx.Module):
         return value[..., 0], gradient
 
     def hessian(
-        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
+        self, points: checks.Points, outside: str = "nan"
     ) -> Float[Array, "*batch ndim ndim"]:
         """Hessians at physical coordinates; on the faces of cells, of the cell above.
 
@@ -155,9 +149,7 @@ class BezierField(eqx.Module):
         """
         return self.jet(points, outside)[2]
 
-    def jet(
-        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
-    ) -> tuple[Array, Array, Array]:
+    def jet(self, points: checks.Points, outside: str = "nan") -> tuple[Array, Array, Array]:
         """Value (...), gradient (..., ndim) and Hessian (..., ndim, ndim), from one gather.
 
         Raises
@@ -169,7 +161,7 @@ class BezierField(eqx.Module):
         return value[..., 0], gradient, full_hessian(second, self.ndim)
 
     def mean_curvature(
-        self, points: Float[ArrayLike, "*batch ndim"], outside: str = "nan"
+        self, points: checks.Points, outside: str = "nan"
     ) -> Float[Array, " *batch"]:
         """Mean curvature of the level set through each point, in units of 1 / length.
 
@@ -186,7 +178,7 @@ class BezierField(eqx.Module):
         value, gradient, hessian = self.jet(points, outside)
         return mean_curvature(value, gradient, hessian, jnp.asarray(self.spacing, value.dtype))
 
-    def refine(self, factor: int | Sequence[int]) -> Float[Array, "*fine"]:
+    def refine(self, factor: checks.Factors) -> Float[Array, "*fine"]:
         """Samples on the `factor` times finer grid, factor (n - 1) + 1 per axis.
 
         Sample i of the field is sample `factor * i` of the result, bit for bit.
@@ -215,25 +207,25 @@ class BezierField(eqx.Module):
         upper = cell_extreme(self.control_points, jnp.maximum)
         return lower, upper
 
-    def contours(self, levels: "Levels", tolerance: float = 0.01) -> "Contours":
+    def contours(self, levels: "Levels", tolerance: checks.Scalar = 0.01) -> "Contours":
         """Contour lines of a 2-D field; see `contourfair_jax.contours.contours`."""
         from .contours import contours
 
         return contours(self, levels, tolerance)
 
-    def filled(self, levels: "Levels", tolerance: float = 0.01) -> "Bands":
+    def filled(self, levels: "Levels", tolerance: checks.Scalar = 0.01) -> "Bands":
         """Polygons between levels of a 2-D field; see `contourfair_jax.contours.filled`."""
         from .contours import filled
 
         return filled(self, levels, tolerance)
 
-    def isosurface(self, level: float, tolerance: float = 0.01) -> "Isosurface":
+    def isosurface(self, level: checks.Scalar, tolerance: checks.Scalar = 0.01) -> "Isosurface":
         """The surface of a 3-D field at a level; see `contourfair_jax.isosurface.isosurface`."""
         from .isosurface import isosurface
 
         return isosurface(self, level, tolerance)
 
-    def adaptive(self, tolerance: float) -> "AdaptiveField":
+    def adaptive(self, tolerance: checks.Scalar) -> "AdaptiveField":
         """A quadtree or octree within `tolerance`; see `contourfair_jax.adaptive.adaptive`."""
         from .adaptive import adaptive
 
@@ -256,7 +248,7 @@ class BezierField(eqx.Module):
 
     def to_bspline(
         self,
-    ) -> tuple[tuple[Float[Array | np.ndarray, " knots"], ...], Float[Array, "*twice"]]:
+    ) -> tuple[tuple[Float[Array | np.ndarray, " _knots"], ...], Float[Array, "*twice"]]:
         """The same field as a cubic B-spline with double knots.
 
         Returns
@@ -282,7 +274,7 @@ class BezierField(eqx.Module):
             coefficients = jnp.take(coefficients, jnp.array(kept), axis=axis)
         return tuple(knots), coefficients
 
-    def _derivatives(self, points: ArrayLike, outside: str, order: int) -> list[Array]:
+    def _derivatives(self, points: checks.Points, outside: str, order: int) -> list[Array]:
         """Partial derivatives of orders 0 to `order` at physical coordinates."""
         checks.check_choice(outside, OUTSIDE, "outside")
         places = checks.check_points(points, self.ndim)

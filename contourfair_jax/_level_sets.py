@@ -15,6 +15,9 @@ from typing import TypeAlias
 
 import jax
 import numpy as np
+from jaxtyping import Array, Real
+
+from ._support.checks import Scalar
 
 # In the range of the samples, and in roundings of the largest.
 _PART, _ROUNDINGS = 5e-10, 2
@@ -149,7 +152,7 @@ def listed(levels: np.ndarray, digits: str = ".10g") -> str:
     return shown + (", ..." if len(levels) > _LISTED else "")
 
 
-Levels: TypeAlias = float | Sequence[float] | np.ndarray
+Levels: TypeAlias = Scalar | Sequence[Scalar] | Real[Array | np.ndarray, " levels"]
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
 
@@ -185,7 +188,7 @@ def check_levels(levels: Levels, infinite: bool = False) -> np.ndarray:
     return array
 
 
-def check_tolerance(tolerance: float | np.ndarray | jax.Array) -> float:
+def check_tolerance(tolerance: Scalar) -> float:
     """The tolerance as a float.
 
     Raises

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .isosurface import Isosurface
 
 
+@runtime_checkable
 class Leaves(Protocol):
     """Vertices, their values, and the corners and depths of leaves: those of an `AdaptiveField`."""
 

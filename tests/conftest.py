@@ -1,4 +1,7 @@
-"""Strict settings for every test, seeds, and the folder of real data.
+"""Strict settings for every test, checked annotations, seeds, and the folder of real data.
+
+Every annotated function of the package checks what it is given and what it returns: types,
+dtypes and the shapes of arrays.
 
 ``JAX_ENABLE_X64=1`` (the default here) runs everything; ``JAX_ENABLE_X64=0`` runs only what is
 marked ``both_precisions``.  ``CONTOURFAIR_TEST_SEED`` sets the seed of `rng`;
@@ -13,9 +16,13 @@ os.environ.setdefault("JAX_ENABLE_X64", "1")
 import jax
 import numpy as np
 import pytest
-from helpers import DATA, SEED
+from jaxtyping import install_import_hook
 
-from contourfair_jax import cli
+install_import_hook("contourfair_jax", "shape_checks.checked")
+
+from helpers import DATA, SEED  # noqa: E402
+
+from contourfair_jax import cli  # noqa: E402
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")

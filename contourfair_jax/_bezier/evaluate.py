@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Real
 
 from .._support.arrays import finest, rounding
 from .._support.xla import materialise, working_set
@@ -110,7 +110,7 @@ def partials(
     net: Float[Array, "*net"],
     spacing: Float[Array | np.ndarray, " ndim"],
     origin: Float[Array | np.ndarray, " ndim"],
-    points: Float[Array | np.ndarray, "*batch ndim"],
+    points: Real[Array | np.ndarray, "*batch ndim"],
     outside: str,
     order: int,
     cells: Int[Array, "*batch ndim"] | None = None,

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from .bernstein import bernstein
 Net = TypeVar("Net", Array, np.ndarray)
 
 
+@runtime_checkable
 class PlacedNet(Protocol):
     """A Bezier net and where it lies: all that finding lines, meshes and trees asks of a field.
 

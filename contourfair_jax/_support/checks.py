@@ -2,14 +2,26 @@
 
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int, Real
+
+# One real number of any make.
+Scalar: TypeAlias = float | np.floating | np.integer | Real[Array | np.ndarray, ""]
+
+
+# Physical coordinates, also as nested lists.
+Points: TypeAlias = Real[ArrayLike, "*batch ndim"] | Sequence[Any]
+
+
+# How many times finer, along all axes or along each.
+Factors: TypeAlias = int | Sequence[int] | Int[np.ndarray, " ndim"]
+
 
 # The dimensions the method is written for.
 DIMENSIONS = (2, 3)
@@ -125,7 +137,7 @@ def _as_float(number: ArrayLike) -> Array:
     return jnp.asarray(number, dtype if jnp.issubdtype(dtype, jnp.floating) else float)
 
 
-def check_points(points: object, ndim: int) -> Float[np.ndarray | Array, "*batch ndim"]:
+def check_points(points: object, ndim: int) -> Real[np.ndarray | Array, "*batch ndim"]:
     """Turn `points` into an array of shape (..., ndim), of NumPy unless they are of JAX.
 
     Raises

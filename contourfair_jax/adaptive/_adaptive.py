@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .._bezier.bernstein import bernstein
 from .._bezier.host import HostField
 from .._bezier.nets import PlacedNet
+from .._support.checks import Scalar
 from .._support.memory import check_memory
 from .._support.results import Progress, untold
 from ._tree import MOST_DEPTH, Tree, balance, split, whole
@@ -61,7 +63,7 @@ class AdaptiveField:
         """Number of the first leaf of each depth."""
         return np.cumsum([0, *map(len, self._tree.corners)])
 
-    def __call__(self, points: np.ndarray) -> np.ndarray:
+    def __call__(self, points: ArrayLike) -> np.ndarray:
         """Values at physical coordinates, shape (..., ndim) -> (...); NaN where there is no leaf.
 
         Raises
@@ -99,7 +101,7 @@ class AdaptiveField:
         return leaf_grid(self, grid)
 
 
-def adaptive(field: PlacedNet, tolerance: float, *, progress: Progress = untold) -> AdaptiveField:
+def adaptive(field: PlacedNet, tolerance: Scalar, *, progress: Progress = untold) -> AdaptiveField:
     """The coarsest quadtree (octree) over the cells of a field that is proved to be near to it.
 
     Parameters
@@ -186,7 +188,7 @@ def uniform_error(field: PlacedNet, depth: int) -> float:
     return float(_errors(host, tree.corners[depth], depth, values).max(initial=0.0))
 
 
-def check_error(tolerance: float | np.ndarray | jax.Array) -> float:
+def check_error(tolerance: Scalar) -> float:
     """The tolerance as a float; ValueError unless it is a number above zero."""
     known = isinstance(tolerance, int | float | np.number | np.ndarray | jax.Array)
     known = known and np.ndim(tolerance) == 0 and np.asarray(tolerance).dtype.kind in "fiu"

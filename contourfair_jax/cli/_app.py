@@ -30,12 +30,13 @@ app = typer.Typer(
 )
 
 
-def _show_version(wanted: bool) -> None:
+def _show_version(wanted: bool) -> bool:
     if wanted:
         from .._version import __version__
 
         typer.echo(f"contourfair {__version__}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback(

@@ -14,6 +14,7 @@ from .._level_sets import (
     unproved_note,
     values_of,
 )
+from .._support.checks import Scalar
 from .._support.results import Members, Progress, untold
 from ._arcs import Codes
 from ._fill import Filler, Polygon
@@ -78,7 +79,7 @@ class Bands(Members[Band]):
 def filled(
     field: PlacedNet,
     levels: Levels,
-    tolerance: float = 0.01,
+    tolerance: Scalar = 0.01,
     *,
     progress: Progress = untold,
 ) -> Bands:

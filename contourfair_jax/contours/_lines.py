@@ -16,6 +16,7 @@ from .._level_sets import (
     unproved_note,
     values_of,
 )
+from .._support.checks import Scalar
 from .._support.results import Members, Progress, untold
 from ._arcs import Codes
 from ._line import ContourLine
@@ -63,7 +64,7 @@ class Contours(Members[ContourLine]):
 def contours(
     field: PlacedNet,
     levels: Levels,
-    tolerance: float = 0.01,
+    tolerance: Scalar = 0.01,
     *,
     progress: Progress = untold,
 ) -> Contours:

@@ -74,7 +74,7 @@ class InverseFit(eqx.Module):
 
     field: BezierField
     residuals: tuple[Float[Array, "..."], ...]
-    points: tuple[Float[Array | np.ndarray, "n ndim"] | None, ...]
+    points: tuple[Float[Array | np.ndarray, "_n ndim"] | None, ...]
     search: Search
     problem: Problem = eqx.field(repr=False)
 
@@ -94,7 +94,7 @@ class InverseFit(eqx.Module):
         return self.search.steps
 
     @property
-    def losses(self) -> Float[Array, " steps+1"]:
+    def losses(self) -> Float[Array, " visited"]:
         """Loss before the first and after each step; NaN after the last."""
         return self.search.losses
 

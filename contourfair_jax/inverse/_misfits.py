@@ -100,7 +100,7 @@ class Averages(AbstractMisfit):
     """Averages over boxes: along each axis a matrix from Bezier points to intervals."""
 
     values: Float[Array, "*boxes"]
-    weights: tuple[Float[Array, "intervals points"], ...]
+    weights: tuple[Float[Array, "_intervals _points"], ...]
     sigma: Float[Array, "*boxes"]
 
     def differences(self, field):

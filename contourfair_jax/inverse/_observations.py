@@ -324,7 +324,7 @@ class BoxAverages(AbstractObservation):
         return Averages(values=values, weights=tuple(matrices), sigma=sigma), shape[0]
 
 
-def interval_averages(edges: Float[np.ndarray, " m+1"], count: int) -> np.ndarray:
+def interval_averages(edges: Float[np.ndarray, " edges"], count: int) -> np.ndarray:
     """Weights of the 3 (count - 1) + 1 Bezier points in the averages over m intervals.
 
     `edges` are in units of the spacing.  Two Gauss points integrate a cubic exactly.

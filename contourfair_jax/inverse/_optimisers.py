@@ -208,8 +208,8 @@ class Search(NamedTuple):
     unknowns: Float[Array, "*shape"]
     converged: Bool[Array, ""]
     steps: Int[Array, ""]
-    losses: Float[Array, " steps+1"]
-    gradients: Float[Array, " steps+1"]
+    losses: Float[Array, " visited"]
+    gradients: Float[Array, " visited"]
 
 
 def search(

@@ -76,7 +76,7 @@ class Coordinates(eqx.Module):
     """
 
     scales: Float[Array, "*shape"]
-    matrices: tuple[Float[Array, "n n"], ...]
+    matrices: tuple[Float[Array, "_n _n"], ...]
 
     def samples(self, z: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
         """Samples at the unknowns."""

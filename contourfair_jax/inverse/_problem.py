@@ -71,7 +71,7 @@ def pose(
     extent: Extent,
     method: AbstractFairing,
     regularisation: ThinPlate,
-    cosines: tuple[Float[Array, "n n"], ...],
+    cosines: tuple[Float[Array, "_n _n"], ...],
 ) -> Problem:
     """The problem with its scales: the mean of the data, and the mean sigma of one of them."""
     anchors = [misfit.anchors(extent.steps) for misfit in misfits]
@@ -103,7 +103,7 @@ def solve(
     extent: Extent,
     method: AbstractFairing,
     regularisation: ThinPlate,
-    cosines: tuple[Float[Array, "n n"], ...],
+    cosines: tuple[Float[Array, "_n _n"], ...],
     optimiser: AbstractOptimiser,
     start: Float[Array, "*shape"] | None,
     report: Report | None,

@@ -7,6 +7,7 @@ import numpy as np
 from .._bezier.host import HostField, known
 from .._bezier.nets import PlacedNet
 from .._level_sets import check_levels, check_tolerance, rounding_note, values_of
+from .._support.checks import Scalar
 from .._support.results import Progress, untold
 from ._lattice import surface_of
 from ._mesh import across, edges_of
@@ -90,8 +91,8 @@ class Isosurface:
 
 def isosurface(
     field: PlacedNet,
-    level: float,
-    tolerance: float = 0.01,
+    level: Scalar,
+    tolerance: Scalar = 0.01,
     *,
     progress: Progress = untold,
 ) -> Isosurface:

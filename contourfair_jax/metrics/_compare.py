@@ -5,13 +5,15 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike
+from jaxtyping import Array, Real
 
 from .._bezier.linear import refine_linearly
 from .._fair import fair_field
 from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._level_sets import Levels, check_levels
+from .._support.checks import Scalar
 from ._lines import LevelMetrics, level_metrics
 from ._parts import Change, changes
 from ._surfaces import SurfaceMetrics, level_surfaces
@@ -40,7 +42,7 @@ TOLERANCES = {2: 1e-3, 3: 0.05}
 def measured(
     field: BezierField,
     levels: Sequence[float] | np.ndarray,
-    tolerance: float | None = None,
+    tolerance: Scalar | None = None,
     moved: Callable[[], None] = lambda: None,
 ) -> tuple[LevelMetrics, ...] | tuple[SurfaceMetrics, ...]:
     """Metrics of sorted levels, without those too close to the one below; `moved` for each."""
@@ -102,13 +104,13 @@ class Comparison:
 
 
 def compare(
-    values: Float[Array, "*samples"],
+    values: Real[Array | np.ndarray, "*samples"],
     levels: Levels | None = None,
     *,
-    spacing: float | Sequence[float] | Array = 1.0,
-    origin: float | Sequence[float] | Array = 0.0,
+    spacing: ArrayLike | Sequence[float] = 1.0,
+    origin: ArrayLike | Sequence[float] = 0.0,
     method: AbstractFairing | None = None,
-    tolerance: float | None = None,
+    tolerance: Scalar | None = None,
 ) -> Comparison:
     """Contours, or isosurfaces, of the multilinear interpolant beside those of the fair field.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from .._bezier.host import HostField, known
 from .._field import BezierField
+from .._support.checks import Scalar
 from ..isosurface import Isosurface, isosurface
 from ..isosurface._mesh import connect, edges_of
 
@@ -119,7 +120,7 @@ def surface_metrics(surface: Isosurface) -> SurfaceMetrics:
 def level_surfaces(
     field: BezierField,
     levels: Sequence[float] | np.ndarray,
-    tolerance: float,
+    tolerance: Scalar,
     step: Callable[[], None] = lambda: None,
 ) -> list[SurfaceMetrics]:
     """Metrics of the isosurfaces of levels; `step` is called after each.

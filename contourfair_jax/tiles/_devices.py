@@ -28,7 +28,7 @@ from ._tiling import Tiling
 
 def refine_sharded(
     values: ArrayLike,
-    factor: int | Sequence[int],
+    factor: checks.Factors,
     mesh: Mesh,
     *,
     method: AbstractFairing | None = None,

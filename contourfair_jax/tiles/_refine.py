@@ -13,6 +13,7 @@ from .._fairing.local_fairing.method import LocalFairing
 from .._fairing.method import AbstractFairing
 from .._grid.grid import Grid, exact_float
 from .._support import checks
+from .._support.checks import Factors
 from .._support.results import Progress, untold
 from ..io._outputs import check_apart
 from ._job import Outcome, open_input, plan_job, run_job
@@ -24,7 +25,7 @@ from ._tiling import Slices
 def refine_to(
     source: Any,
     target: str | os.PathLike[str],
-    factor: int | Sequence[int],
+    factor: Factors,
     *,
     method: AbstractFairing | None = None,
     spacing: float | Sequence[float] | None = None,
@@ -109,7 +110,7 @@ def refine_to(
 
 def refine_tiles(
     source: Any,
-    factor: int | Sequence[int],
+    factor: Factors,
     *,
     method: AbstractFairing | None = None,
     spacing: float | Sequence[float] | None = None,
@@ -137,7 +138,7 @@ def refine_tiles(
 
 def _planned(
     given: Any,
-    factor: int | Sequence[int],
+    factor: Factors,
     method: AbstractFairing | None,
     spacing: float | Sequence[float] | None,
     dtype: Any,

@@ -15,7 +15,7 @@ from .._field import BezierField
 from .._grid.grid import exact_float
 from .._level_sets import Levels
 from .._resample import one_turn
-from .._support.checks import check_factors
+from .._support.checks import Scalar, check_factors
 from ..contours import Contours, contours
 from ._axes import Axis, axes_of, refined_coordinates, untouched_coordinates
 
@@ -159,7 +159,7 @@ class FairAccessor:
         *,
         method: AbstractFairing | None = None,
         periodic: Hashable | Iterable[Hashable] = (),
-        tolerance: float = 0.01,
+        tolerance: Scalar = 0.01,
     ) -> Contours:
         """The contour lines of a 2-D array, in its coordinates and in the order of its dimensions.
 

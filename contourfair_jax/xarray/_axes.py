@@ -39,7 +39,7 @@ class Axis:
         """The smallest coordinate."""
         return float(self.coordinate[0] if self.step > 0 else self.coordinate[-1])
 
-    def upward(self, values: np.ndarray, axis: int) -> np.ndarray:
+    def upward(self, values: Any, axis: int) -> Any:
         """`values` with the coordinate ascending, and parts of the turns beside if it is periodic.
 
         The first sample is then at the index `margin`.
@@ -52,7 +52,7 @@ class Axis:
         """Samples before the first one in `upward`."""
         return margin_of(len(self.coordinate)) if self.periodic else 0
 
-    def turned(self, finer: np.ndarray, axis: int, factor: int) -> np.ndarray:
+    def turned(self, finer: Any, axis: int, factor: int) -> Any:
         """Refined values of one ascending turn in the direction of the coordinate."""
         if not self.periodic:
             return np.flip(finer, axis) if self.step < 0 else finer
@@ -72,7 +72,7 @@ class Axis:
         kind = self.coordinate.dtype
         return finer.astype(kind) if kind.kind == "f" else finer
 
-    def local(self, points: np.ndarray) -> np.ndarray:
+    def local(self, points: np.ndarray) -> np.ndarray | np.float64:
         """Coordinates counted from the smallest one, turned into the period where there is one."""
         away = np.asarray(points, np.float64) - self.start
         return away % (abs(self.step) * len(self.coordinate)) if self.periodic else away
@@ -158,4 +158,4 @@ def _jumps(coordinate: xr.DataArray) -> bool:
     values = coordinate.to_numpy()
     steps = [np.abs(np.diff(values, axis=k)).max(initial=0) for k in range(values.ndim)]
     degrees = str(coordinate.attrs.get("units", "")).startswith("degree")
-    return degrees and max(steps, default=0) > TURN / 2
+    return degrees and bool(max(steps, default=0) > TURN / 2)

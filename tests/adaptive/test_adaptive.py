@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from shape_checks import refused
 from splines import catmull_rom
 
 import contourfair_jax as cf
@@ -146,12 +147,12 @@ def test_vtk_has_the_leaves(ndim):
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, np.inf, "a", True])
 def test_bad_tolerances(tolerance):
-    with pytest.raises(ValueError, match="tolerance must be above zero"):
+    with refused(ValueError, match="tolerance must be above zero"):
         adaptive(bump(2), tolerance)
 
 
 def test_a_tolerance_that_is_too_fine(monkeypatch):
-    monkeypatch.setattr("contourfair_jax.adaptive.MOST_DEPTH", 3)
+    monkeypatch.setattr("contourfair_jax.adaptive._adaptive.MOST_DEPTH", 3)
     with pytest.raises(ValueError, match="halved more than 3 times"):
         noise((3, 3)).adaptive(1e-9)
 
@@ -168,7 +169,7 @@ def test_what_cannot_be_reached_is_refused_early(monkeypatch, tolerance, memory,
     passes = []
     monkeypatch.setattr("contourfair_jax._support.memory.physical_memory", lambda: memory)
     monkeypatch.setattr(
-        "contourfair_jax.adaptive.split", lambda *tree: passes.append(1) or split(*tree)
+        "contourfair_jax.adaptive._adaptive.split", lambda *tree: passes.append(1) or split(*tree)
     )
     with pytest.raises(ValueError, match=message):
         bump(2, 12).adaptive(tolerance)
@@ -178,7 +179,7 @@ def test_what_cannot_be_reached_is_refused_early(monkeypatch, tolerance, memory,
 def test_no_tree_is_refused_that_fits(monkeypatch):
     estimates = []
     monkeypatch.setattr(
-        "contourfair_jax.adaptive.check_memory", lambda size, what: estimates.append(size)
+        "contourfair_jax.adaptive._adaptive.check_memory", lambda size, what: estimates.append(size)
     )
     for field, tolerance in ((bump(2), 1e-4), (noise((6, 7)), 1e-3), (bump(3, 5), 1e-2)):
         estimates.clear()

@@ -261,7 +261,9 @@ def test_png_clips_overshoot_and_says_so(tmp_path):
 
 def test_png_shows_missing_samples_as_transparent(tmp_path):
     values = with_gap().values
-    write(tmp_path / "out.png", Grid(values, missing=np.isnan(values), source_dtype=np.uint8))
+    write(
+        tmp_path / "out.png", Grid(values, missing=np.isnan(values), source_dtype=np.dtype("uint8"))
+    )
     back = read(tmp_path / "out.png")
     np.testing.assert_array_equal(back.missing, np.isnan(values))
     np.testing.assert_array_equal(back.values, values)
@@ -273,8 +275,9 @@ def test_png_refuses_what_it_would_lose(tmp_path):
     with pytest.raises(InputError, match="a PNG holds 2-D data"):
         write(tmp_path / "out.png", Grid(terrain("uint8", (3, 3, 3))))
     gap = with_gap()
+    wide = Grid(gap.values, missing=gap.missing, source_dtype=np.dtype("uint16"))
     with pytest.raises(InputError, match="16-bit PNG cannot mark missing"):
-        write(tmp_path / "out.png", Grid(gap.values, missing=gap.missing, source_dtype=np.uint16))
+        write(tmp_path / "out.png", wide)
     assert os.listdir(tmp_path) == []
 
 

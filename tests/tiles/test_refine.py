@@ -19,6 +19,7 @@ import tile_worker
 import xarray as xr
 import zarr
 from helpers import SEED
+from shape_checks import refused
 
 import contourfair_jax as cf
 from contourfair_jax import tiles
@@ -243,7 +244,7 @@ def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
 def test_arguments_are_checked(tmp_path, arguments, said):
     call = {"source": np.zeros((4, 5)), "factor": 2, "target": "fine.npy", **arguments}
     source, target, factor = call.pop("source"), tmp_path / call.pop("target"), call.pop("factor")
-    with pytest.raises(ValueError, match=said):
+    with refused(ValueError, match=said):
         tiles.refine_to(source, target, factor, **call)
     assert list(tmp_path.iterdir()) == []
 

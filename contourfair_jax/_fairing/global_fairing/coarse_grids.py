@@ -74,7 +74,7 @@ def _pairs(ndim: int) -> list[tuple[int, int]]:
     return list(itertools.combinations_with_replacement(range(ndim), 2))
 
 
-def _prolong(grid: Grid, shape: tuple[int, ...]) -> Grid:
+def _prolong(grid: Grid, shape: tuple[int, ...]) -> Float[Array, "*twos_fine"]:
     """The same field on the grid of half the spacing, slopes per cell of either grid."""
     ndim = len(shape)
     for axis, size in enumerate(shape):

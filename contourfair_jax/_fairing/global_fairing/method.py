@@ -134,8 +134,8 @@ class GlobalFairing(AbstractFairing):
     hessian_weight: float | Float[Array, ""] = 0.0
     smoothness: float | Float[Array, ""] = 0.0
     norm: float | Float[Array, ""] | None = 2.0
-    sigma: float | Float[Array, "*shape"] | None = None
-    cell_weights: Float[Array, "*cells"] | None = None
+    sigma: float | Float[Array | np.ndarray, "*shape"] | None = None
+    cell_weights: Float[Array | np.ndarray, "*cells"] | None = None
     border_degree: int = eqx.field(static=True, default=0)
     limit: bool = eqx.field(static=True, default=False)
     converge: float | None = eqx.field(static=True, default=None)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..method import FLAT
@@ -44,7 +45,7 @@ class Noise(NamedTuple):
 
 
 def noise_of(
-    sigma: float | Float[Array, "*shape"],
+    sigma: float | Float[Array | np.ndarray, "*#shape"],
     missing: Bool[Array, "*shape"],
     spread: Float[Array, ""],
     layers: int,

@@ -21,7 +21,8 @@ from .energy import LocalEnergy, Tensor, cholesky_factor
 MOST_PANELS = 7
 LEAST_ROWS = 4
 # The inverse of the square on the diagonal of a few rows, and it times what is right of the square.
-Panel = tuple[Float[Array, "w w batch"], Float[Array, "w r batch"]]
+# Each panel has rows of its own, so their number is not one for a whole list.
+Panel = tuple[Float[Array, "_w _w batch"], Float[Array, "_w _r batch"]]
 _invert = apart(invert)
 
 

@@ -1,9 +1,10 @@
 """NumPy ``.npy`` files: the header is read and checked before any sample is."""
 
+import io
 import math
 import os
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeAlias
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from ..._grid.grid import Grid
 from ..._grid.missing import check_dtype, mark_missing, numeric
 from ..._support.errors import InputError, one_line
 from ..._support.memory import check_memory, describe_bytes
+
+# A file, or one inside an archive.
+Stream: TypeAlias = IO[bytes] | io.BufferedIOBase
+
 
 _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -37,7 +42,7 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     return (".npy keeps the samples only: spacing and coordinates are left out (.npz keeps them)",)
 
 
-def read_array(stream: IO[bytes], size: int) -> np.ndarray:
+def read_array(stream: Stream, size: int) -> np.ndarray:
     """The array of numbers or text at the start of `stream`, which holds `size` bytes.
 
     Raises
@@ -63,7 +68,7 @@ def read_array(stream: IO[bytes], size: int) -> np.ndarray:
     return flat.reshape(shape, order="F" if fortran else "C")
 
 
-def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
+def read_header(stream: Stream) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape, whether the order is Fortran's, and type, whatever it is."""
     try:
         version = np.lib.format.read_magic(stream)

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers import assert_close, samples_of
+from shape_checks import refused
 
 import contourfair_jax as cf
 from contourfair_jax._fairing.global_fairing.border import LAYERS, LOUDEST, continue_samples
@@ -815,7 +816,7 @@ def test_limiter(grid):
     ],
 )
 def test_settings_are_checked(name, value):
-    with pytest.raises(ValueError, match=f"^{name} must .*got"):
+    with refused(ValueError, match=f"^{name} must .*got"):
         cf.GlobalFairing(**{name: value})
 
 

@@ -91,6 +91,33 @@ def _wkt(crs: str) -> str:
     return crs
 
 
+# The code of a system: at the end of its WKT, or alone, as a URN or as an address.
+_EPSG = re.compile(
+    r'(?:AUTHORITY\s*\[\s*"EPSG"\s*,\s*"(\d+)"|ID\s*\[\s*"EPSG"\s*,\s*(\d+))\s*\]\s*\]$'
+    r"|^(?:urn:ogc:def:crs:|https?://www\.opengis\.net/def/crs/)?EPSG[:/](?:[\d.]*[:/])?(\d+)$",
+    re.IGNORECASE,
+)
+_CRS84 = re.compile(r'(?:^|[:/"])CRS84"?\s*[\]\s]*$', re.IGNORECASE)
+_TITLE = re.compile(r'\s*\w+\s*\[\s*"([^"]*)"')
+
+
+def epsg_code(crs: str) -> str | None:
+    """The number of a system in the EPSG registry, as far as its text says it."""
+    match = _EPSG.search(crs)
+    return next(filter(None, match.groups()), None) if match else None
+
+
+def is_crs84(crs: str) -> bool:
+    """Whether a text names WGS 84 with the longitude first, which has no EPSG code."""
+    return _CRS84.search(crs) is not None
+
+
+def crs_title(crs: str) -> str:
+    """The name inside a WKT text, or the text itself where it is a code."""
+    match = _TITLE.match(crs)
+    return match[1] if match else crs
+
+
 _SHORT = {"metre": "m", "meter": "m", "metres": "m", "meters": "m", "kilometre": "km"}
 _GEOGRAPHIC = re.compile(r"\s*(GEOGCS|GEOGCRS|GEODCRS|GEODETICCRS|EPSG:4326$|OGC:CRS84$)")
 # Degrees whose lengths on the ground have this proportion, or more, need no note.

@@ -22,7 +22,7 @@ from .._resample import one_turn
 from .._support.errors import InputError
 from .._support.memory import check_memory
 from ..io import read, read_bands
-from ..io._outputs import check_apart, check_parent, check_target
+from ..io._outputs import check_apart, check_parent, check_target, known_suffix
 from ._console import Reporter
 from ._levels import choose_levels
 from ._recipe import Recipe
@@ -202,8 +202,7 @@ def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
 
 def check_suffix(target: Path, known: tuple[str, ...]) -> None:
     """Refuse an output whose ending says no known kind of file, or that cannot become a file."""
-    if target.suffix.lower() not in known:
-        raise InputError(f"{target}: the name must end in {', '.join(known)}")
+    known_suffix(target, known)
     check_target(target)
 
 

@@ -4,13 +4,27 @@ import contextlib
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from .._support.errors import InputError, one_line
 
 # What a folder that may be replaced holds: the metadata of a Zarr array or group.
 _ZARR = ("zarr.json", ".zgroup", ".zarray")
+
+
+def known_suffix(path: str | os.PathLike[str], known: Iterable[str]) -> str:
+    """The ending of the name, in lower case, with the dot.
+
+    Raises
+    ------
+    InputError
+        It is none of the `known` ones.
+    """
+    suffix, suffixes = Path(path).suffix.lower(), tuple(known)
+    if suffix not in suffixes:
+        raise InputError(f"{path}: the name must end in {', '.join(suffixes)}")
+    return suffix
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:

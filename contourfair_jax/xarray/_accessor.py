@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import jax
 import numpy as np
+import xarray as xr
 
 from .._fair import fair_field
 from .._fairing.local_fairing.method import LocalFairing
@@ -18,13 +19,6 @@ from .._resample import one_turn
 from .._support.checks import check_factors
 from ..contours import Contours, contours
 from ._axes import Axis, axes_of, refined_coordinates, untouched_coordinates
-
-try:
-    import xarray as xr
-except ImportError as error:
-    message = "contourfair_jax.xarray needs xarray: pip install 'contourfair-jax[xarray]'"
-    raise ImportError(message) from error
-
 
 Result = TypeVar("Result")
 

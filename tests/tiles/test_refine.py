@@ -235,7 +235,7 @@ def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
             "method.border_degree continues every tile",
         ),
         ({"method": "local"}, "method must be one of LocalFairing"),
-        ({"target": "fine.tif"}, "names that end in .zarr or .npy"),
+        ({"target": "fine.tif"}, "the name must end in .zarr, .npy"),
         ({"target": "absent/fine.npy"}, "there is no folder"),
         ({"source": "absent.npy"}, "there is no such file"),
     ],

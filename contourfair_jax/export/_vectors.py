@@ -17,7 +17,7 @@ import numpy as np
 from .._grid.affine import diagonal_affine
 from .._grid.grid import Grid
 from .._grid.reference import epsg_code, is_crs84
-from .._support.errors import needed
+from .._support.errors import InputError, needed
 from ..contours import Band, ContourLine
 from ..contours._line import signed_area
 from ..io import replacing

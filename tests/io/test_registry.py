@@ -5,6 +5,7 @@ import json
 import os
 import pickle
 import stat
+import sys
 import zipfile
 
 import numpy as np

@@ -14,22 +14,18 @@ from ._levels import check_choice
 from ._options import (
     Count,
     Crop,
-    Fill,
     Input,
     Interval,
-    Iterations,
     Json,
     Key,
     Levels,
-    Method,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
-from ._recipe import Recipe, Settings
+from ._recipe import Fairing, Recipe
 from ._steps import check_fairable, check_suffix, fair, levels_of, load, precision
 
 SIZE = 32
@@ -83,6 +79,7 @@ def busiest_window(values: np.ndarray, size: int) -> list[tuple[int, int]]:
     return found
 
 
+@with_options
 def compare(
     source: Input,
     target: Annotated[Path, output("Picture to write, a .png.")],
@@ -90,11 +87,8 @@ def compare(
     interval: Interval = None,
     count: Count = None,
     crop: Crop = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
+    *,
+    fairing: Fairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -106,7 +100,7 @@ def compare(
 
     say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
+    recipe = Recipe.parse(fairing, single)
     check_choice(levels, interval, count)
     whole = load(source, key, target, recipe, say)
     check_fairable(whole, ndim=(2,))
@@ -119,7 +113,7 @@ def compare(
     check_fairable(grid, ndim=(2,))
     chosen = levels_of(grid, levels, interval, count, say)
     with precision(single), say.working("fairing the samples and drawing"):
-        plain = fair(grid, Recipe("local", Settings(iterations=0)))
+        plain = fair(grid, Recipe("local", {"iterations": 0}))
         faired = fair(grid, recipe)
         panels = {
             "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),

@@ -14,23 +14,18 @@ from ._console import Reporter
 from ._levels import check_choice
 from ._options import (
     Count,
-    Fill,
     Input,
     Interval,
-    Iterations,
     Json,
     Key,
     Levels,
-    Method,
-    Periodic,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
-from ._recipe import Recipe
+from ._recipe import JoinedFairing, Recipe
 from ._steps import as_input, check_fairable, check_suffix, faired, levels_of, load, precision
 
 if TYPE_CHECKING:
@@ -44,6 +39,7 @@ _BANDS = (".geojson", ".json", ".gpkg", ".png")
 _LINES = (".geojson", ".json", ".gpkg", ".csv", ".svg", ".png")
 
 
+@with_options
 def contours(
     source: Input,
     target: Annotated[
@@ -60,12 +56,8 @@ def contours(
         float, typer.Option("--tolerance", "-t", help="How far from the true contour, in cells.")
     ] = 0.01,
     plot: Annotated[Path | None, typer.Option(help="Picture of the lines besides, a .png.")] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -85,7 +77,7 @@ def contours(
     check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     check_choice(levels, interval, count)
     with as_input():
         check_tolerance(tolerance)

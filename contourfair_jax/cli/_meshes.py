@@ -9,21 +9,16 @@ import typer
 
 from ._console import Reporter
 from ._options import (
-    Fill,
     Input,
-    Iterations,
     Json,
     Key,
-    Method,
-    Periodic,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
-from ._recipe import Recipe
+from ._recipe import JoinedFairing, Recipe
 from ._steps import as_input, check_fairable, check_suffix, faired, load, precision
 
 Tolerance = Annotated[
@@ -31,18 +26,15 @@ Tolerance = Annotated[
 ]
 
 
+@with_options
 def isosurface(
     source: Input,
     target: Annotated[Path, output("File for the mesh: .vtp, .ply, .stl or .obj.")],
     level: Annotated[float, typer.Option("--level", "-l", help="Value of the surface.")],
     tolerance: Tolerance = 0.05,
     plot: Annotated[Path | None, typer.Option(help="Picture of the surface, a .png.")] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -63,7 +55,7 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     with as_input():
         check_tolerance(tolerance)
     grid = load(source, key, target, recipe, say)
@@ -98,6 +90,7 @@ def isosurface(
     )
 
 
+@with_options
 def adaptive(
     source: Input,
     target: Annotated[Path, output("File for the leaves, a .vtu.")],
@@ -107,12 +100,8 @@ def adaptive(
     plot: Annotated[
         Path | None, typer.Option(help="Picture of the leaves, a .png; of a volume, its middle.")
     ] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -132,7 +121,7 @@ def adaptive(
     check_suffix(target, (".vtu",))
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     with as_input():
         check_error(tolerance)
     grid = load(source, key, target, recipe, say)

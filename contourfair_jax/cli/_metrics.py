@@ -16,21 +16,17 @@ from ._console import Reporter
 from ._levels import check_choice
 from ._options import (
     Count,
-    Fill,
     Input,
     Interval,
-    Iterations,
     Json,
     Key,
     Levels,
-    Method,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
+    with_options,
 )
-from ._recipe import Recipe
+from ._recipe import Fairing, Recipe
 from ._steps import check_fairable, check_suffix, fair, levels_of, load, precision
 
 if TYPE_CHECKING:
@@ -45,17 +41,15 @@ Step: TypeAlias = Callable[[], None]
 _LISTED = 10
 
 
+@with_options
 def metrics(
     source: Input,
     levels: Levels = None,
     interval: Interval = None,
     count: Count = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the table, a .png.")] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
+    *,
+    fairing: Fairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -70,7 +64,7 @@ def metrics(
     say = Reporter(quiet, as_json)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
+    recipe = Recipe.parse(fairing, single)
     check_choice(levels, interval, count)
     grid = load(source, key, plot, recipe, say)
     check_fairable(grid)

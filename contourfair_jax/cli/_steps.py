@@ -162,7 +162,7 @@ def _load(
 
 def _of_speed(grid: Grid, recipe: Recipe) -> tuple[str, ...]:
     """What is faster, where fairing takes minutes."""
-    if recipe.method != "local" or recipe.settings.iterations == 0:
+    if recipe.method != "local" or recipe.settings.get("iterations") == 0:
         return ()
     if grid.ndim < 3 or grid.values.size < _SLOW:
         return ()

@@ -15,25 +15,20 @@ from ._console import Reporter
 from ._options import (
     WRITABLE,
     Bands,
-    Fill,
     Input,
-    Iterations,
     Json,
     Key,
     Memory,
-    Method,
-    Periodic,
     Quiet,
     Resume,
-    Sigma,
     Single,
-    Weight,
     Workers,
     examples,
     output,
+    with_options,
 )
 from ._per_axis import Factor
-from ._recipe import Recipe
+from ._recipe import JoinedFairing, Recipe
 from ._steps import (
     as_between,
     check_fairable,
@@ -94,6 +89,7 @@ def upsample_whole(
     return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
 
 
+@with_options
 def upsample(
     source: Input,
     target: Annotated[Path, output(f"File for the finer samples: {WRITABLE}.")],
@@ -105,12 +101,8 @@ def upsample(
             help="How many times finer; 1,1,4 for every axis in order, z=4 for one by its name.",
         ),
     ] = "4",
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     bands: Bands = False,
     single: Single = False,
@@ -129,7 +121,7 @@ def upsample(
     """
     say = Reporter(quiet, as_json)
     finer = Factor.parse(factor)
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")

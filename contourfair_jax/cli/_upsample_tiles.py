@@ -64,7 +64,7 @@ def is_tiled(source: Path, target: Path, recipe: Recipe, division: Division) -> 
         )
     large = source.suffix.lower() in _PARTS and _size(source) > _LARGE
     large = large or kind == ".zarr"
-    whole = recipe.method == "tune" or recipe.settings.sigma is not None
+    whole = recipe.method == "tune" or "sigma" in recipe.settings
     return kind in _PARTS and (division.asked or (large and not whole))
 
 

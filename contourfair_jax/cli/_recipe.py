@@ -166,6 +166,10 @@ METHODS: Mapping[str, Callable[[Grid, Recipe], AbstractFairing]] = {
 }
 
 
+def _method_names() -> list[str]:
+    return list(METHODS)
+
+
 @dataclass(frozen=True)
 class Fairing:
     """The options for fairing of every command that fairs, each declared here only.
@@ -180,7 +184,7 @@ class Fairing:
             "--method",
             "-m",
             help=f"How to fair: {', '.join(METHODS)}.",
-            autocompletion=lambda: list(METHODS),
+            autocompletion=_method_names,
         ),
     ] = "local"
     iterations: Annotated[

@@ -10,7 +10,7 @@ import numpy as np
 from .._grid.grid import Grid
 from .._support.errors import InputError
 from ._console import Reporter
-from ._levels import check_choice
+from ._levels import check_level_options
 from ._options import (
     Count,
     Crop,
@@ -26,7 +26,7 @@ from ._options import (
     with_options,
 )
 from ._recipe import Fairing, Recipe
-from ._steps import check_fairable, check_suffix, fair, levels_of, load, precision
+from ._steps import check_fairable, check_suffix, fair, float_width, levels_of, load
 
 SIZE = 32
 
@@ -101,7 +101,7 @@ def compare(
     say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
     recipe = Recipe.parse(fairing, single)
-    check_choice(levels, interval, count)
+    check_level_options(levels, interval, count)
     whole = load(source, key, target, recipe, say)
     check_fairable(whole, ndim=(2,))
     ranges, note = choose_window(whole, crop)
@@ -112,7 +112,7 @@ def compare(
     shown = f"rows {top}:{bottom}, columns {left}:{right}"
     check_fairable(grid, ndim=(2,))
     chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing the samples and drawing"):
+    with float_width(single), say.working("fairing the samples and drawing"):
         plain = fair(grid, Recipe("local", {"iterations": 0}))
         faired = fair(grid, recipe)
         panels = {

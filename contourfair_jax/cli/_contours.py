@@ -11,7 +11,7 @@ import typer
 
 from .._grid.periodic import closed
 from ._console import Reporter
-from ._levels import check_choice
+from ._levels import check_level_options
 from ._options import (
     Count,
     Input,
@@ -26,7 +26,7 @@ from ._options import (
     with_options,
 )
 from ._recipe import JoinedFairing, Recipe
-from ._steps import as_input, check_fairable, check_suffix, faired, levels_of, load, precision
+from ._steps import as_input, check_fairable, check_suffix, faired, float_width, levels_of, load
 
 if TYPE_CHECKING:
     from .._field import BezierField
@@ -78,14 +78,14 @@ def contours(
     if plot is not None:
         check_suffix(plot, (".png",))
     recipe = Recipe.parse(fairing, single)
-    check_choice(levels, interval, count)
+    check_level_options(levels, interval, count)
     with as_input():
         check_tolerance(tolerance)
     grid = load(source, key, target, recipe, say)
     check_fairable(grid, ndim=(2,))
     chosen = levels_of(grid, levels, interval, count, say)
     field = faired(grid, recipe, say)
-    with precision(single):
+    with float_width(single):
         with say.working("tracing contours") as progress:
             found = _traced(field, chosen, tolerance, filled, progress)
             shown = closed(grid, recipe.axes(grid))

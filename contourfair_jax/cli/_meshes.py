@@ -19,7 +19,7 @@ from ._options import (
     with_options,
 )
 from ._recipe import JoinedFairing, Recipe
-from ._steps import as_input, check_fairable, check_suffix, faired, load, precision
+from ._steps import as_input, check_fairable, check_suffix, faired, float_width, load
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
@@ -61,7 +61,7 @@ def isosurface(
     grid = load(source, key, target, recipe, say)
     check_fairable(grid, ndim=(3,))
     field = faired(grid, recipe, say)
-    with precision(single), say.working("tracing the surface") as move, as_input():
+    with float_width(single), say.working("tracing the surface") as move, as_input():
         mesh = trace(field, level, tolerance, progress=move)
     for note in mesh.notes:
         say.note(note)
@@ -127,7 +127,7 @@ def adaptive(
     grid = load(source, key, target, recipe, say)
     check_fairable(grid)
     field = faired(grid, recipe, say)
-    with precision(single), say.working("refining") as move, as_input():
+    with float_width(single), say.working("refining") as move, as_input():
         found = refine(field, tolerance, progress=move)
     with say.working(f"writing {target}"):
         write_leaves(target, found, grid)

@@ -13,7 +13,7 @@ import typer
 
 from .._grid.reference import length_unit
 from ._console import Reporter
-from ._levels import check_choice
+from ._levels import check_level_options
 from ._options import (
     Count,
     Input,
@@ -27,7 +27,7 @@ from ._options import (
     with_options,
 )
 from ._recipe import Fairing, Recipe
-from ._steps import check_fairable, check_suffix, fair, levels_of, load, precision
+from ._steps import check_fairable, check_suffix, fair, float_width, levels_of, load
 
 if TYPE_CHECKING:
     from .._field import BezierField
@@ -65,11 +65,11 @@ def metrics(
     if plot is not None:
         check_suffix(plot, (".png",))
     recipe = Recipe.parse(fairing, single)
-    check_choice(levels, interval, count)
+    check_level_options(levels, interval, count)
     grid = load(source, key, plot, recipe, say)
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing and measuring") as progress:
+    with float_width(single), say.working("fairing and measuring") as progress:
         found = _measured(grid, fair(grid, recipe), chosen, progress)
     if plot is not None:
         from ..plot import save_figure

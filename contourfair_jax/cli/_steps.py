@@ -66,7 +66,7 @@ def result_dtype(grid: Grid, single: bool) -> np.dtype:
 
 
 @contextmanager
-def precision(single: bool) -> Iterator[None]:
+def float_width(single: bool) -> Iterator[None]:
     """Work in float64 here, or in float32 where `single` asks for it, whatever the process does."""
     import jax
 
@@ -75,7 +75,7 @@ def precision(single: bool) -> Iterator[None]:
 
 
 def fair(grid: Grid, recipe: Recipe) -> BezierField:
-    """The fair field of the samples, in field coordinates, in the present `precision`.
+    """The fair field of the samples, in field coordinates, in the present `float_width`.
 
     Along periodic axes the field goes on to the first sample of the next turn.
 
@@ -184,7 +184,7 @@ def _of_grid(grid: Grid, joined: Sequence[str] | None) -> tuple[str, ...]:
 def faired(grid: Grid, recipe: Recipe, say: Reporter) -> BezierField:
     """The fair field of the samples, in the precision that is asked for."""
     size = by(grid.shape)
-    with precision(recipe.single), say.working(f"fairing {size} samples"):
+    with float_width(recipe.single), say.working(f"fairing {size} samples"):
         return fair(grid, recipe)
 
 

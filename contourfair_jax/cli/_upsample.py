@@ -33,9 +33,9 @@ from ._steps import (
     as_between,
     check_fairable,
     fair,
+    float_width,
     load,
     load_bands,
-    precision,
     result_dtype,
     warn_narrowing,
 )
@@ -74,7 +74,7 @@ def upsample_whole(
     several: tuple[int, ...] = (count,) if count > 1 else ()
     size = by(several + shape)
     results: list[Grid] = []
-    with precision(recipe.single), say.working(f"fairing {size} samples") as move:
+    with float_width(recipe.single), say.working(f"fairing {size} samples") as move:
         for grid in grids:
             if several:
                 move(len(results), len(grids))

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from rich.console import Console
 from rich.status import Status
 
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._support import checks
@@ -24,7 +24,7 @@ from ._extent import Extent, check_finite
 from ._observations import AbstractObservation
 from ._optimisers import AbstractOptimiser, GaussNewton, Search
 from ._prior import ThinPlate, cosines
-from ._problem import Problem, deviation, solve
+from ._problem import Problem, deviation, pose_and_solve
 
 # The displays in use, innermost last: compiled programs call `tell`, and know of no display.
 _ACTIVE: list[Status] = []
@@ -209,7 +209,7 @@ def fit_samples(
     observed = _as_tuple(observations)
     extent = _extent(shape, spacing, origin, dtype)
     prepared = [each.prepare(extent) for each in observed]
-    fairing = _checked(method, LocalFairing, AbstractFairing, "method")
+    fairing = chosen_method(method)
     chosen = _checked(optimiser, GaussNewton, AbstractOptimiser, "optimiser")
     prior = _checked(regularisation, ThinPlate, ThinPlate, "regularisation")
     first = None
@@ -221,7 +221,7 @@ def fit_samples(
     misfits = tuple(misfit for misfit, _ in prepared)
     with shown(progress):
         report = tell if progress else None
-        problem, found, field, differences = solve(
+        problem, found, field, differences = pose_and_solve(
             misfits, extent, fairing, prior, bases, chosen, first, report
         )
     if not is_traced(found.converged):

@@ -98,7 +98,7 @@ def pose(
 
 
 @eqx.filter_jit
-def solve(
+def pose_and_solve(
     misfits: tuple[AbstractMisfit, ...],
     extent: Extent,
     method: AbstractFairing,

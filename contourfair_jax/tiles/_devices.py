@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._fair import settings_as_arrays
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._support import checks
 from .._support.arrays import is_traced
@@ -75,7 +75,7 @@ def refine_sharded(
             f"mesh must have at most {values.ndim} axes for these values, got {mesh.axis_names}"
         )
     mesh, values = _automatic(mesh, values)
-    method = LocalFairing() if method is None else method
+    method = chosen_method(method)
     tiling = tiling_of(method, values.shape, factors)
     method = settings_as_arrays(tile_method(method.prepare(values)), values.dtype)
     return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))

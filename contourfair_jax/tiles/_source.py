@@ -188,12 +188,12 @@ def is_shared(source: Source) -> bool:
 
 def read_block(array: Any, block: Slices, dtype: np.dtype) -> np.ndarray:
     """Samples of a block in the precision to compute in; masked and infinite ones are NaN."""
-    values = _in_precision(unmasked(array[block]), dtype)
+    values = _as_floats(unmasked(array[block]), dtype)
     values[~np.isfinite(values)] = np.nan
     return values
 
 
-def _in_precision(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
+def _as_floats(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """A copy in `dtype`; what is too large for it becomes infinite, and is counted as missing."""
     with np.errstate(over="ignore"):
         return values.astype(dtype)
@@ -224,7 +224,7 @@ def survey(array: Any, dtype: np.dtype) -> Survey:
         gone = np.ma.getmaskarray(read) if np.ma.is_masked(read) else np.zeros((), bool)
         masked.update((np.flatnonzero(gone) + done).astype("<i8").data)
         if values.dtype.kind == "f":
-            gone = gone | ~np.isfinite(_in_precision(values, dtype))
+            gone = gone | ~np.isfinite(_as_floats(values, dtype))
         missing += int(np.count_nonzero(gone))
         done += values.size
     if masked.digest() != hashlib.blake2b(digest_size=16).digest():

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from .._fair import fair_field
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._grid.grid import exact_float
@@ -232,7 +232,7 @@ def _refined_lazily(
 
     samples, leading = array.data, array.ndim - len(axes)
     steps = [abs(axis.step) for axis in axes]
-    method = LocalFairing() if method is None else method
+    method = chosen_method(method)
 
     def refine(member: Any) -> Any:
         for k, axis in enumerate(axes):

@@ -3,7 +3,7 @@
 import dataclasses
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import equinox as eqx
@@ -20,6 +20,7 @@ from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._support import checks
 from .._support.arrays import is_traced
+from .._support.results import Progress
 from ._extent import Extent, check_finite
 from ._observations import AbstractObservation
 from ._optimisers import AbstractOptimiser, GaussNewton, Search
@@ -27,29 +28,39 @@ from ._prior import ThinPlate, cosines
 from ._problem import Problem, deviation, pose_and_solve
 
 # The displays in use, innermost last: compiled programs call `tell`, and know of no display.
-_ACTIVE: list[Status] = []
+_ACTIVE: list[Callable[[int, float, float], object]] = []
 
 
-def tell(step: object, loss: object, gradient: object) -> None:
+def tell(step: Any, loss: Any, gradient: Any) -> None:
     """Show how far the search is; called by the compiled program."""
     if _ACTIVE:
-        text = f"step {int(step)}: loss {float(loss):.4g}, gradient {float(gradient):.1e}"  # pyright: ignore
-        _ACTIVE[-1].update(text)
+        _ACTIVE[-1](int(step), float(loss), float(gradient))
 
 
 @contextmanager
-def shown(progress: bool) -> Iterator[None]:
-    """Show a line on stderr while the block runs, if `progress`."""
+def shown(progress: bool | Progress, max_steps: int) -> Iterator[None]:
+    """Tell `progress` of the steps while the block runs, or show a line on stderr if it is True."""
     if not progress:
         yield
         return
-    with Status("compiling", console=Console(stderr=True)) as status:
-        _ACTIVE.append(status)
+    with ExitStack() as stack:
+        if callable(progress):
+            told = progress
+
+            def show(step: int, loss: float, gradient: float) -> None:
+                told(step, max_steps)
+        else:
+            status = stack.enter_context(Status("compiling", console=Console(stderr=True)))
+
+            def show(step: int, loss: float, gradient: float) -> None:
+                status.update(f"step {step}: loss {loss:.4g}, gradient {gradient:.1e}")
+
+        _ACTIVE.append(show)
         try:
             yield
             jax.effects_barrier()
         finally:
-            _ACTIVE.remove(status)
+            _ACTIVE.remove(show)
 
 
 class InverseFit(eqx.Module):
@@ -146,7 +157,7 @@ def fit_samples(
     start: ArrayLike | None = None,
     regularisation: ThinPlate | None = None,
     dtype: str | np.dtype | None = None,
-    progress: bool = False,
+    progress: bool | Progress = False,
 ) -> InverseFit:
     """Find samples whose fair field explains observations.
 
@@ -169,8 +180,10 @@ def fit_samples(
         What is assumed of samples that the data do not determine; `ThinPlate()` by default.
     dtype : dtype or None
         float32 or float64; the default float of JAX by default.
-    progress : bool
-        Show a line with step, loss and gradient.
+    progress : bool or callable
+        True shows a line with step, loss and gradient.  A callable is called as
+        ``progress(done, total)`` with the steps that are done and `max_steps` of the optimiser,
+        before which the search may end.
 
     Returns
     -------
@@ -219,7 +232,7 @@ def fit_samples(
         first = jnp.asarray(start, extent.dtype)
     bases = tuple(jnp.asarray(cosines(n), extent.dtype) for n in extent.shape)
     misfits = tuple(misfit for misfit, _ in prepared)
-    with shown(progress):
+    with shown(progress, chosen.max_steps):
         report = tell if progress else None
         problem, found, field, differences = pose_and_solve(
             misfits, extent, fairing, prior, bases, chosen, first, report

@@ -51,7 +51,7 @@ def _attributes(name: str, units: str) -> dict[str, str]:
 
 
 def _unit(projected: str) -> str:
-    """What the conventions call the unit of length that comes last, which is that of the axes."""
+    """CF name of the unit of length that comes last, which is that of the axes."""
     found = _LENGTH.findall(projected)
     name, size = found[-1] if found else ("m", "1")
     with suppress(ValueError):

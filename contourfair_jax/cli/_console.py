@@ -1,4 +1,4 @@
-"""What the command line says while it works: notes, a progress bar, errors of one line."""
+"""Messages of the command line: notes, a progress bar, errors of one line."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def _traced(
     filled: bool,
     progress: Progress,
 ) -> Contours | Bands:
-    """The lines, or what is below, between and above the levels."""
+    """The lines, or if `filled` the bands below, between and above the levels."""
     from .. import contours as tracing
 
     with as_input():
@@ -137,7 +137,7 @@ def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]
 
 
 def _described(found: Contours | Bands) -> tuple[str, dict[str, Any]]:
-    """What there is, in words and in numbers."""
+    """A summary of lines or bands, in words and as numbers by name."""
     from ..contours import Bands
 
     if isinstance(found, Bands):

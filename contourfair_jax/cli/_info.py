@@ -18,7 +18,7 @@ from ._words import by, describe_missing
 
 
 def information(grid: Grid) -> Iterator[tuple[str, str]]:
-    """What ``contourfair info`` shows: names and texts."""
+    """Names and texts, the lines that ``contourfair info`` shows."""
     yield "shape", f"{by(grid.shape)} ({', '.join(grid.axes)})"
     yield "type", grid.source_dtype.name + ("" if grid.source_dtype.isnative else ", byte-swapped")
     present = grid.values if grid.missing is None else grid.values[~grid.missing]
@@ -37,7 +37,7 @@ def information(grid: Grid) -> Iterator[tuple[str, str]]:
 
 
 def facts(grid: Grid) -> dict[str, Any]:
-    """What ``contourfair info --json`` shows."""
+    """The same by name, with all digits, for ``contourfair info --json``."""
     present = grid.values if grid.missing is None else grid.values[~grid.missing]
     return {
         "shape": grid.shape,

@@ -1,4 +1,4 @@
-"""Which levels the options of the command line ask for."""
+"""Levels from the options ``--levels``, ``--interval`` and ``--count``."""
 
 import math
 

@@ -97,7 +97,7 @@ class _Found:
     changes: list[Change]
 
     def facts(self) -> dict[str, Any]:
-        """What ``--json`` prints."""
+        """Levels, tables, integrals and changes by name, for ``--json``."""
         table = {
             name: [dict(zip(self.header, row, strict=True)) for row in rows]
             for name, rows in self.tables.items()
@@ -176,7 +176,7 @@ def _whole(field: BezierField) -> dict[str, float]:
 
 
 def _integrals(field: BezierField) -> dict[str, float]:
-    """Over all levels of a C1 field; a bilinear one has kinks besides, which are not in them."""
+    """Integrals over all levels of a C1 field; kinks of a bilinear field would not be in them."""
     from ..metrics import coarea, surface_coarea
 
     if field.ndim == 3:

@@ -35,7 +35,7 @@ class PerAxis(Generic[Number]):
     def parse(
         cls, option: str, text: str, number: Callable[[str], Number], wanted: str
     ) -> PerAxis[Number]:
-        """What ``4``, ``1,1,4`` or ``z=4`` ask for; `number` raises ValueError for others.
+        """Read ``4``, ``1,1,4`` or ``z=4``; `number` raises ValueError for what is no number.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class PerAxis(Generic[Number]):
 
 
 def parse_spacing(text: str) -> PerAxis[float]:
-    """What ``10``, ``2,1,1`` or ``z=1`` ask for.
+    """Read ``10``, ``2,1,1`` or ``z=1``.
 
     Raises
     ------
@@ -96,13 +96,13 @@ def parse_spacing(text: str) -> PerAxis[float]:
 
 @dataclass(frozen=True)
 class Factor:
-    """How many times finer."""
+    """The option ``--factor``: how many times finer along each axis."""
 
     given: PerAxis[int]
 
     @classmethod
     def parse(cls, text: str) -> Factor:
-        """What ``4``, ``1,1,4`` or ``z=4`` ask for.
+        """Read ``4``, ``1,1,4`` or ``z=4``.
 
         Raises
         ------

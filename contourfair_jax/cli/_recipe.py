@@ -1,4 +1,4 @@
-"""How samples are to be faired: the options of the commands for it, read and checked."""
+"""The options for fairing that the commands share: declared, read and checked."""
 
 from __future__ import annotations
 

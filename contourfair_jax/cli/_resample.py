@@ -101,12 +101,12 @@ def resample(
 
 
 def _notes(grid: Grid, outline: Grid, outside: int) -> Iterator[str]:
-    """What is to be known of the new grid, so many samples of which lie outside the file.
+    """Notes on the new grid, `outside` samples of which lie outside the file.
 
     Raises
     ------
     InputError
-        All of them do.
+        All of them lie outside.
     """
     size = outline.values.size
     if outside == size:

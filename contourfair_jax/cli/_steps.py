@@ -161,7 +161,7 @@ def _load(
 
 
 def _of_speed(grid: Grid, recipe: Recipe) -> tuple[str, ...]:
-    """What is faster, where fairing takes minutes."""
+    """A note on the faster method, where fairing takes minutes."""
     if recipe.method != "local" or recipe.settings.get("iterations") == 0:
         return ()
     if grid.ndim < 3 or grid.values.size < _SLOW:
@@ -208,7 +208,7 @@ def check_suffix(target: Path, known: tuple[str, ...]) -> None:
 
 @contextmanager
 def as_input() -> Iterator[None]:
-    """What the engine refuses is input that cannot be used, to be told in one line."""
+    """Turn ValueErrors of the engine into InputErrors, which are told in one line."""
     try:
         yield
     except InputError:

@@ -35,7 +35,7 @@ _LARGE = 2**26
 
 @dataclass(frozen=True)
 class Division:
-    """How work is to be divided: the options ``--workers``, ``--resume`` and ``--memory``."""
+    """The division of the work: the options ``--workers``, ``--resume`` and ``--memory``."""
 
     workers: int = 1
     resume: bool = False
@@ -152,7 +152,7 @@ def _planned(grid: Grid, source: Source, factors: tuple[int, ...], recipe: Recip
 
 @contextmanager
 def _warnings_as_notes(say: Reporter) -> Iterator[None]:
-    """What is warned of inside is told afterwards, unless it fails."""
+    """Collect warnings while the block runs; if it succeeds, tell them as notes afterwards."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         yield

@@ -64,7 +64,7 @@ def shown(progress: bool | Progress, max_steps: int) -> Iterator[None]:
 
 
 class InverseFit(eqx.Module):
-    """What `fit_samples` returns.
+    """Result of `fit_samples`.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class InverseFit(eqx.Module):
     def standard_deviation(
         self, quantity: Callable[[BezierField], Array], max_steps: int = 500
     ) -> Float[Array, ""]:
-        """How uncertain a scalar function of the field is, to first order.
+        """Standard deviation of a scalar function of the field, to first order.
 
         The noise of the data has their sigma, and the samples are believed to be as smooth as the
         regularisation says; then the samples have the covariance `inv(J^T J)` near the solution,

@@ -53,7 +53,7 @@ class Problem(eqx.Module):
         return self.coordinates.unknowns((samples - self.centre) / self.unit)
 
     def differences(self, z: Float[Array, "*shape"]) -> list[Array]:
-        """Of all data from the field of the unknowns, in units of the data."""
+        """Residuals of all observations, field minus data, in units of the data."""
         field = self.relative_field(z)
         return [misfit.differences(field) * self.unit for misfit in self.misfits]
 
@@ -110,7 +110,8 @@ def pose_and_solve(
 ) -> tuple[Problem, Search, BezierField, list[Array]]:
     """Pose and solve: one compiled program for each shape, method, optimiser and kind of data.
 
-    Also the field that was found, and the differences of all data from it.
+    Returns the problem, the search, the field that it ends at, and the residuals of all
+    observations in units of the data.
     """
     problem = pose(misfits, extent, method, regularisation, cosines)
     z = jnp.zeros(extent.shape, extent.dtype)
@@ -128,8 +129,8 @@ def deviation(
 ) -> Float[Array, ""]:
     """`sqrt(q^T inv(J^T J) q)` with the Jacobian J of the residuals and the gradient q.
 
-    Of a quantity whose gradient in the control points is given.  NaN where the solve did not
-    converge.
+    The standard deviation of a quantity whose gradient in the control points is given.  NaN where
+    the solve did not converge.
     """
     (slope,) = jax.vjp(lambda z: problem.field(z).control_points, z)[1](gradient)
     _, push = jax.linearize(problem.residuals, z)

@@ -144,7 +144,7 @@ def check_parent(path: str | os.PathLike[str]) -> None:
 
 
 def _target(path: str | os.PathLike[str]) -> Path:
-    """What `path` names; refuses names that the system does, such as too long ones."""
+    """The real path; refuses names that the system refuses, such as too long ones."""
     target = Path(os.path.realpath(path))
     with in_one_line(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
         os.stat(target)

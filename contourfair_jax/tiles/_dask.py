@@ -17,7 +17,7 @@ from ._tiling import Tiling
 
 @dataclass(frozen=True)
 class _Task:
-    """What all tiles of an array share."""
+    """The tiling, method and types that all tiles of an array share."""
 
     tiling: Tiling
     method: AbstractFairing

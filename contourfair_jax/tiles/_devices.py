@@ -94,7 +94,7 @@ def _automatic(mesh: Mesh, values: Array) -> tuple[Mesh, Array]:
 
 
 class _Part(NamedTuple):
-    """What one device holds of an axis.
+    """The part of an axis that one device holds.
 
     Parameters
     ----------

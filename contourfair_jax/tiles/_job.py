@@ -112,7 +112,7 @@ def _size(path: Path) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What a run did.
+    """The outcome of a run.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def run_job(
 
 
 def _cut_tiles(job: Job) -> int:
-    """How many tiles have gaps that reach too far beyond them; refused where they are filled."""
+    """Number of tiles with gaps that reach too far beyond them; refused where they are filled."""
     if not isinstance(job.method, GlobalFairing):
         return 0
     array = job.source.open()
@@ -276,7 +276,7 @@ def _cut_tiles(job: Job) -> int:
 
 
 def settings_of(job: Job, finer: Grid, digest: str) -> dict[str, Any]:
-    """What a result depends on, to the last bit, by names for messages.
+    """Settings that a result depends on, to the last bit, by names for messages.
 
     Parameters
     ----------

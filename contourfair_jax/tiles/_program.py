@@ -22,7 +22,7 @@ from ._tiling import Tiling
 
 
 class Overlap(NamedTuple):
-    """How far a method looks.
+    """The overlap of tiles that a method needs, and their size.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where refined tiles go: a Zarr array or a ``.npy`` file, written region by region.
+"""Stores of refined tiles: a Zarr array or a ``.npy`` file, written region by region.
 
 Writers are safe against being killed: a tile that was not finished is written again as a whole.
 Nothing is mapped to memory, for a full disk would then end the process instead of raising.

@@ -201,7 +201,7 @@ def _of_each(
     method: AbstractFairing | None,
     use: Callable[[BezierField], np.ndarray],
 ) -> np.ndarray:
-    """What `use` makes of the field of every member of the batch."""
+    """Results of `use` for the fields of all members of the batch, stacked."""
     values = array.to_numpy()
     batch = values.shape[: values.ndim - len(axes)]
     members = values.reshape(math.prod(batch), *values.shape[len(batch) :])
@@ -212,7 +212,7 @@ def _of_each(
 
 
 def _factors(factor: int | Mapping[Any, int], axes: tuple[Axis, ...]) -> tuple[int, ...]:
-    """How many times finer along each axis."""
+    """The factor of every axis, from one number or from a mapping by dimension."""
     known = [axis.dim for axis in axes]
     if not isinstance(factor, Mapping):
         return check_factors(factor, len(axes))
@@ -257,7 +257,7 @@ def _with_field(
     method: AbstractFairing | None,
     use: Callable[[BezierField], Result],
 ) -> Result:
-    """What `use` makes of the field, whose coordinates ascend from zero through one turn."""
+    """Result of `use` for the field, whose coordinates ascend from zero through one turn."""
     dtype = exact_float(values.dtype)
     values = np.ascontiguousarray(values, dtype)
     for k, axis in enumerate(axes):

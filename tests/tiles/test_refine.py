@@ -244,7 +244,7 @@ def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
         ({"method": "local"}, r"method must be an object such as LocalFairing\(\), got 'local'"),
         (
             {"method": Other()},
-            r"method must be one of LocalFairing\(\), GlobalFairing\(\) for tiles",
+            r"must be one of LocalFairing\(\), GlobalFairing\(\) for tiles",
         ),
         ({"target": "fine.tif"}, "the name must end in .zarr, .npy"),
         ({"target": "absent/fine.npy"}, "there is no folder"),

@@ -195,7 +195,7 @@ def _step(positions: np.ndarray) -> np.ndarray:
 
 
 def _positions(image: Dataset) -> np.ndarray | None:
-    """Where the first sample of every frame lies; None where the file does not say."""
+    """Position of the first sample of every frame; None where the file does not say."""
     frames = int(image.get("NumberOfFrames") or 1)
     offsets = image.get("GridFrameOffsetVector")
     places = [_position(image, k) for k in range(frames)]

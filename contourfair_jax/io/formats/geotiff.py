@@ -175,7 +175,7 @@ def corner_transform(affine: np.ndarray) -> Affine:
 
 
 def _names(source: rasterio.DatasetReader) -> tuple[str, ...]:
-    """What the bands are called: by their description, or by their colour, or not at all."""
+    """Names of the bands: their descriptions, or their colours, or none."""
     colours = [each.name if each in _COLOURS else "" for each in source.colorinterp]
     return tuple(a or b for a, b in zip(source.descriptions, colours, strict=True))
 
@@ -203,7 +203,7 @@ def _crs(text: str) -> CRS:
 
 @contextmanager
 def _telling_damage() -> Iterator[None]:
-    """What the library refers to as its previous exception is the message."""
+    """The message of the exception that the library refers to as its previous one."""
     try:
         yield
     except RasterioIOError as error:

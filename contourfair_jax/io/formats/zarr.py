@@ -35,8 +35,8 @@ _CODECS = frozenset(
 )
 
 
-class _Found(NamedTuple):
-    """What a key chooses: an array that says nothing of its axes, or else a group as xarray has it.
+class _Member(NamedTuple):
+    """The member that a key chooses: an array that says nothing of its axes, or else a group.
 
     `key` is what of the key is left for the array or the group, `path` where the group is.
     """
@@ -92,7 +92,7 @@ def read_outline(path: Path, key: str | None) -> tuple[Grid, Any]:
 
 
 def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict[str, Any]]:
-    """What a group holds beside the samples of a grid, and their name, axes and attributes."""
+    """All of a group but the samples of a grid, and the name, axes and attributes of these."""
     data = dataset_from_grid(grid)
     name = next(each for each, array in data.items() if array.ndim)
     variable = data[name]
@@ -104,17 +104,17 @@ def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict
     return data.drop_vars([name]), str(name), tuple(map(str, variable.dims)), attributes
 
 
-def _find(path: Path, key: str | None) -> _Found:
+def _find(path: Path, key: str | None) -> _Member:
     """The array or group that a key such as ``NAME,time=3`` or ``GROUP/NAME`` chooses from."""
     try:
-        return _Found(zarr.open_array(path, mode="r"), path, key)
+        return _Member(zarr.open_array(path, mode="r"), path, key)
     except _NO_ARRAY:
         group = zarr.open_group(path, mode="r", use_consolidated=False)
     first, _, parts = (key or "").partition(",")
     name, rest = ("", key) if "=" in first else (first.strip("/ "), parts or None)
     known = dict(group.arrays())
     if not name and any(_is_field(each) and not _is_plain(each) for each in known.values()):
-        return _Found(None, path, key)
+        return _Member(None, path, key)
     if name not in known:
         known = {
             each: array for each, array in group.members(None) if isinstance(array, zarr.Array)
@@ -125,15 +125,15 @@ def _find(path: Path, key: str | None) -> _Found:
     if not name:
         fields = [each for each, array in known.items() if _is_field(array)]
         if not fields:
-            return _Found(None, path, key)
+            return _Member(None, path, key)
         if len(fields) > 1:
             listed = ", ".join(fields)
             raise InputError(f"holds {len(fields)} fields, choose one with a key: {listed}")
         (name,) = fields
     if _is_plain(known[name]):
-        return _Found(known[name], path, rest)
+        return _Member(known[name], path, rest)
     inner, _, last = name.rpartition("/")
-    return _Found(None, path / inner, last + (f",{rest}" if rest else ""))
+    return _Member(None, path / inner, last + (f",{rest}" if rest else ""))
 
 
 def _is_field(array: zarr.Array) -> bool:

@@ -52,8 +52,8 @@ def _attributes(name: str, units: str) -> dict[str, str]:
 
 def _unit(projected: str) -> str:
     """CF name of the unit of length that comes last, which is that of the axes."""
-    found = _LENGTH.findall(projected)
-    name, size = found[-1] if found else ("m", "1")
+    units = _LENGTH.findall(projected)
+    name, size = units[-1] if units else ("m", "1")
     with suppress(ValueError):
         for known, metres in _METRES.items():
             if abs(float(size) / metres - 1) < 1e-9:
@@ -186,7 +186,7 @@ def has_own_spacing(grid: Grid) -> bool:
 def _crs_unit(crs: str) -> str:
     """The unit of the horizontal axes: the last that is named, but for those of heights."""
     if _GEOGRAPHIC.match(crs):
-        found = _UNIT.findall(crs)
-        return found[-1] if found else "degree"
-    found = _UNIT.findall(re.split("VERT_?C", crs)[0])
-    return found[-1] if found else ""
+        units = _UNIT.findall(crs)
+        return units[-1] if units else "degree"
+    units = _UNIT.findall(re.split("VERT_?C", crs)[0])
+    return units[-1] if units else ""

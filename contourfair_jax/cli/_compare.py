@@ -60,7 +60,7 @@ def busiest_window(values: np.ndarray, size: int) -> list[tuple[int, int]]:
     if max(values.shape) <= size:
         return ranges
     steps = np.sum(np.abs(np.gradient(values.astype(np.float64))), axis=0)
-    best, found = -1.0, ranges
+    best, busiest = -1.0, ranges
     stride = max(1, size // 4)
     starts = [
         sorted({*range(0, max(n - size, 0) + 1, stride), max(n - size, 0)}) for n in values.shape
@@ -72,11 +72,11 @@ def busiest_window(values: np.ndarray, size: int) -> list[tuple[int, int]]:
             score = float(part[~gaps].mean()) * (~gaps).mean() ** 4 if not gaps.all() else 0.0
             if score > best:
                 best = score
-                found = [
+                busiest = [
                     (row, min(row + size, values.shape[0])),
                     (column, min(column + size, values.shape[1])),
                 ]
-    return found
+    return busiest
 
 
 @with_options

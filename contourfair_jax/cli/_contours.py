@@ -87,18 +87,18 @@ def contours(
     field = faired(grid, recipe, say)
     with float_width(single):
         with say.working("tracing contours") as progress:
-            found = _traced(field, chosen, tolerance, filled, progress)
+            traced = _traced(field, chosen, tolerance, filled, progress)
             shown = closed(grid, recipe.axes(grid))
-            notes = found.notes + _store(target, found, shown)
+            notes = traced.notes + _store(target, traced, shown)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):
                 draw = partial(contour_figure, field, chosen, grid=shown, title=source.name)
-                figure = draw(bands=found) if isinstance(found, Bands) else draw(lines=found)
+                figure = draw(bands=traced) if isinstance(traced, Bands) else draw(lines=traced)
                 save_figure(figure, picture)
     for note in notes:
         say.note(note)
-    text, facts = _described(found)
+    text, facts = _described(traced)
     say.done(target, text, **facts)
 
 
@@ -119,7 +119,7 @@ def _traced(
         return tracing.contours(field, levels, tolerance, progress=progress)
 
 
-def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]:
+def _store(target: Path, traced: Contours | Bands, grid: Grid) -> tuple[str, ...]:
     """Store lines or bands, unless a picture is all that is asked for; notes on the file."""
     from ..contours import Bands
     from ..export import write_bands, write_lines, write_svg
@@ -128,28 +128,28 @@ def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]
     suffix = target.suffix.lower()
     if suffix == ".png":
         return ()
-    if isinstance(found, Bands):
-        return write_bands(target, found, grid)
+    if isinstance(traced, Bands):
+        return write_bands(target, traced, grid)
     if suffix == ".svg":
-        drawn = len({line.level for line in found})
-        return write_svg(target, found, grid, level_colors(drawn))
-    return write_lines(target, found, grid)
+        drawn = len({line.level for line in traced})
+        return write_svg(target, traced, grid, level_colors(drawn))
+    return write_lines(target, traced, grid)
 
 
-def _described(found: Contours | Bands) -> tuple[str, dict[str, Any]]:
+def _described(traced: Contours | Bands) -> tuple[str, dict[str, Any]]:
     """A summary of lines or bands, in words and as numbers by name."""
     from ..contours import Bands
 
-    if isinstance(found, Bands):
-        facts = {"levels": found.levels[1:-1], "bands": len(found), "unproved": found.unproved}
-        return f"{len(found)} bands", facts
+    if isinstance(traced, Bands):
+        facts = {"levels": traced.levels[1:-1], "bands": len(traced), "unproved": traced.unproved}
+        return f"{len(traced)} bands", facts
     facts = {
-        "levels": found.levels,
-        "lines": len(found),
-        "vertices": sum(len(line.points) for line in found),
-        "unproved": found.unproved,
+        "levels": traced.levels,
+        "lines": len(traced),
+        "vertices": sum(len(line.points) for line in traced),
+        "unproved": traced.unproved,
     }
-    return f"{len(found)} contours at {len(found.levels)} levels", facts
+    return f"{len(traced)} contours at {len(traced.levels)} levels", facts
 
 
 COMMANDS = {

@@ -128,14 +128,14 @@ def adaptive(
     check_fairable(grid)
     field = faired(grid, recipe, say)
     with float_width(single), say.working("refining") as move, as_input():
-        found = refine(field, tolerance, progress=move)
+        leaves = refine(field, tolerance, progress=move)
     with say.working(f"writing {target}"):
-        write_leaves(target, found, grid)
+        write_leaves(target, leaves, grid)
     if plot is not None:
         with say.working(f"drawing {plot}"):
-            save_figure(leaf_figure(found, grid, source.name), plot)
-    text = f"{len(found)} leaves, error at most {found.error:.4g}"
-    say.done(target, text, leaves=len(found), vertices=len(found.vertices), error=found.error)
+            save_figure(leaf_figure(leaves, grid, source.name), plot)
+    text = f"{len(leaves)} leaves, error at most {leaves.error:.4g}"
+    say.done(target, text, leaves=len(leaves), vertices=len(leaves.vertices), error=leaves.error)
 
 
 COMMANDS = {

@@ -70,22 +70,22 @@ def metrics(
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
     with float_width(single), say.working("fairing and measuring") as progress:
-        found = _measured(grid, fair(grid, recipe), chosen, progress)
+        measures = _measured(grid, fair(grid, recipe), chosen, progress)
     if plot is not None:
         from ..plot import save_figure
         from ..plot._metrics import metrics_figure
 
         with say.working(f"drawing {plot}"):
-            figure = metrics_figure(chosen, found.header, found.tables, source.name)
+            figure = metrics_figure(chosen, measures.header, measures.tables, source.name)
             save_figure(figure, plot)
     if as_json:
-        say.result(found.facts())
+        say.result(measures.facts())
     else:
-        found.print()
+        measures.print()
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Measures:
     """Rows of every field by level, and figures of the whole fields."""
 
     levels: Sequence[float]
@@ -131,7 +131,7 @@ class _Found:
 
 def _measured(
     grid: Grid, field: BezierField, levels: Sequence[float], progress: Progress
-) -> _Found:
+) -> _Measures:
     from ..metrics import bilinear_field
     from ..metrics._compare import COLUMNS
     from ..metrics._parts import changes
@@ -144,16 +144,16 @@ def _measured(
 
     plain = "bilinear" if grid.ndim == 2 else "trilinear"
     fields = {plain: bilinear_field(field), "fair": field}
-    return _Found(
+    return _Measures(
         levels=levels,
         header=tuple(COLUMNS[grid.ndim]),
-        tables={name: _rows(each, levels, moved) for name, each in fields.items()},
-        whole={name: _whole(each) for name, each in fields.items()},
+        tables={name: _rows(one, levels, moved) for name, one in fields.items()},
+        whole={name: _whole(one) for name, one in fields.items()},
         integrals=_integrals(field),
         units=_integral_units(grid),
         changes=[
-            replace(each, position=tuple(grid.world(np.array(each.position)).tolist()))
-            for each in changes(fields[plain], field, levels, moved)
+            replace(change, position=tuple(grid.world(np.array(change.position)).tolist()))
+            for change in changes(fields[plain], field, levels, moved)
         ],
     )
 
@@ -161,10 +161,10 @@ def _measured(
 def _rows(field: BezierField, levels: Sequence[float], moved: Step) -> list[list[float]]:
     from ..metrics._compare import figures, measured
 
-    found = measured(field, levels, moved=moved)
+    measures = measured(field, levels, moved=moved)
     # A level too close to the one below counts as that one.
-    same = np.searchsorted([each.level for each in found], levels, side="right") - 1
-    rows = [figures(each, field.ndim) for each in found]
+    same = np.searchsorted([measure.level for measure in measures], levels, side="right") - 1
+    rows = [figures(measure, field.ndim) for measure in measures]
     return [rows[k] for k in same.tolist()]
 
 

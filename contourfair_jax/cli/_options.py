@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -18,9 +18,9 @@ WRITABLE = ", ".join(suffix for each in FORMATS if each.writer for suffix in eac
 def _readable() -> str:
     """Endings of the files of samples that can be read, by the extra that brings their packages."""
     groups: dict[str, list[str]] = {}
-    for each in FORMATS:
-        extra = each.outside.extra if each.outside and each.outside.packages else ""
-        groups.setdefault(extra, []).extend(each.suffixes)
+    for row in FORMATS:
+        extra = row.outside.extra if row.outside and row.outside.packages else ""
+        groups.setdefault(extra, []).extend(row.suffixes)
     lines = [
         ", ".join(suffixes) + (f" (extra [cyan]{extra}[/])" if extra else "")
         for extra, suffixes in groups.items()
@@ -104,7 +104,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     command receives the dataclass.
     """
     hints = get_type_hints(command, include_extras=True)
-    groups = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
+    groups: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
     parameters = []
     for name, parameter in inspect.signature(command).parameters.items():
         if name not in groups:
@@ -112,18 +112,18 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
             continue
         kinds = get_type_hints(groups[name], include_extras=True)
         parameters += [
-            parameter.replace(name=each.name, annotation=kinds[each.name], default=each.default)
-            for each in fields(groups[name])
+            parameter.replace(name=field.name, annotation=kinds[field.name], default=field.default)
+            for field in fields(groups[name])
         ]
 
     @wraps(command)
     def run(**given: object) -> None:
         for name, group in groups.items():
-            options = {each.name: given.pop(each.name) for each in fields(group)}
+            options = {field.name: given.pop(field.name) for field in fields(group)}
             given[name] = group(**options)
         command(**given)
 
     # Typer reads both.
     run.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportAttributeAccessIssue]
-    run.__annotations__ = {each.name: each.annotation for each in parameters}
+    run.__annotations__ = {field.name: field.annotation for field in parameters}
     return run

@@ -46,12 +46,12 @@ class PerAxis(Generic[Number]):
         names, numbers = zip(*(part.rpartition("=")[::2] for part in parts), strict=True)
         mixed = 0 < sum(map(bool, names)) < len(names)
         try:
-            found = tuple(number(each.strip()) for each in numbers)
+            parsed = tuple(number(part.strip()) for part in numbers)
         except ValueError:
-            mixed, found = True, ()
+            mixed, parsed = True, ()
         if mixed:
             raise InputError(f"{option} must be {wanted}, got {text}")
-        return cls(option, found, tuple(name.strip() for name in names if name))
+        return cls(option, parsed, tuple(name.strip() for name in names if name))
 
     def of(self, grid: Grid, others: Sequence[Number]) -> tuple[Number, ...]:
         """The number of every axis of a grid; of one that is not named, that of `others`.

@@ -92,11 +92,11 @@ def resample(
         values, outside = resampled(field, grid, outline, recipe.axes(grid))
     for note in _notes(grid, outline, outside):
         say.note(note)
-    made = outline.with_values(values.astype(dtype, copy=False))
+    samples = outline.with_values(values.astype(dtype, copy=False))
     with say.working(f"writing {target}"):
-        for note in write(target, made):
+        for note in write(target, samples):
             say.note(note)
-    done = Output(made.shape, dtype, made.missing_count)
+    done = Output(samples.shape, dtype, samples.missing_count)
     say.done(target, str(done), shape=done.shape, type=done.dtype.name, missing=done.missing)
 
 

@@ -67,7 +67,7 @@ def upsample_whole(
     for grid in grids:
         check_fairable(grid, factors)
     dtype = np.result_type(*(result_dtype(grid, recipe.single) for grid in grids))
-    check_writable(target, *(as_between(each, dtype, max(factors) > 1) for each in grids))
+    check_writable(target, *(as_between(grid, dtype, max(factors) > 1) for grid in grids))
     warn_narrowing(grids[0], recipe.single, say)
     around = recipe.axes(grids[0])
     shape, count = grids[0].shape, len(grids)
@@ -86,7 +86,7 @@ def upsample_whole(
         notes = write_bands(target, results)
     for note in notes:
         say.note(note)
-    return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
+    return Output(several + results[0].shape, dtype, sum(grid.missing_count for grid in results))
 
 
 @with_options
@@ -126,10 +126,12 @@ def upsample(
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
     if is_tiled(source, target, recipe, tiling) and not bands:
-        made = upsample_in_tiles(source, target, key, finer, recipe, tiling, say)
+        written = upsample_in_tiles(source, target, key, finer, recipe, tiling, say)
     else:
-        made = upsample_whole(source, target, key, finer, recipe, say, bands)
-    say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
+        written = upsample_whole(source, target, key, finer, recipe, say, bands)
+    say.done(
+        target, str(written), shape=written.shape, type=written.dtype.name, missing=written.missing
+    )
 
 
 COMMANDS = {

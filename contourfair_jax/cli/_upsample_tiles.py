@@ -156,9 +156,9 @@ def _warnings_as_notes(say: Reporter) -> Iterator[None]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         yield
-    for each in caught:
-        if each.category is UserWarning:
-            say.note(str(each.message))
+    for warning in caught:
+        if warning.category is UserWarning:
+            say.note(str(warning.message))
 
 
 def _opened(

@@ -221,7 +221,7 @@ def fit_samples(
     """
     observed = _as_tuple(observations)
     extent = _extent(shape, spacing, origin, dtype)
-    prepared = [each.prepare(extent) for each in observed]
+    prepared = [observation.prepare(extent) for observation in observed]
     fairing = chosen_method(method)
     chosen = _checked(optimiser, GaussNewton, AbstractOptimiser, "optimiser")
     prior = _checked(regularisation, ThinPlate, ThinPlate, "regularisation")
@@ -234,30 +234,31 @@ def fit_samples(
     misfits = tuple(misfit for misfit, _ in prepared)
     with shown(progress, chosen.max_steps):
         report = tell if progress else None
-        problem, found, field, differences = pose_and_solve(
+        problem, outcome, field, differences = pose_and_solve(
             misfits, extent, fairing, prior, bases, chosen, first, report
         )
-    if not is_traced(found.converged):
-        _warn(found)
+    if not is_traced(outcome.converged):
+        _warn(outcome)
     counts = [count for _, count in prepared]
     sites = [getattr(misfit, "points", None) for misfit in misfits]
     pairs = zip(sites, counts, strict=True)
     return InverseFit(
         # Outside of the compiled program they are as exact as they were given.
         dataclasses.replace(field, spacing=extent.spacing, origin=extent.origin),
-        tuple(each[:count] for each, count in zip(differences, counts, strict=True)),
+        tuple(residuals[:count] for residuals, count in zip(differences, counts, strict=True)),
         tuple(None if at is None else extent.absolute(at[:count]) for at, count in pairs),
-        found,
+        outcome,
         problem,
     )
 
 
-def _warn(found: Search) -> None:
-    if not bool(found.converged):
-        step = int(found.steps)
+def _warn(outcome: Search) -> None:
+    if not bool(outcome.converged):
+        step = int(outcome.steps)
+        gradient = float(outcome.gradients[step])
         warnings.warn(
             f"fit_samples did not converge: after {step} steps the gradient is "
-            f"{float(found.gradients[step]):.1e} of the data; raise max_steps of the optimiser or "
+            f"{gradient:.1e} of the data; raise max_steps of the optimiser or "
             "the weight of the regularisation, or allow a larger tolerance",
             UserWarning,
             stacklevel=3,
@@ -271,10 +272,10 @@ def _as_tuple(
     observed = (observations,) if single else tuple(observations)  # type: ignore[arg-type]
     if not observed:
         raise ValueError("observations must hold at least one observation, got none")
-    for each in observed:
-        if not isinstance(each, AbstractObservation):
+    for observation in observed:
+        if not isinstance(observation, AbstractObservation):
             raise ValueError(
-                f"observations must be objects such as Values(points, values), got {each!r}"
+                f"observations must be objects such as Values(points, values), got {observation!r}"
             )
     return observed
 

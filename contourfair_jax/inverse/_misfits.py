@@ -32,8 +32,9 @@ class AbstractMisfit(eqx.Module):
 
     def residuals(self, field: BezierField) -> Float[Array, "..."]:
         """Differences in units of sigma; data of infinite sigma have no weight."""
-        found = self.differences(field)
-        return found / self.sigma.reshape(self.sigma.shape + (1,) * (found.ndim - self.sigma.ndim))
+        differences = self.differences(field)
+        further = (1,) * (differences.ndim - self.sigma.ndim)
+        return differences / self.sigma.reshape(self.sigma.shape + further)
 
 
 class PointValues(AbstractMisfit):

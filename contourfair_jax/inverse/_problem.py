@@ -118,9 +118,9 @@ def pose_and_solve(
     size = jnp.sqrt(2 * loss_of(problem.residuals)(z))
     if start is not None:
         z = problem.unknowns(start)
-    found = search(optimiser, problem.residuals, z, size, report)
-    z = found.unknowns
-    return problem, found, problem.field(z), problem.differences(z)
+    outcome = search(optimiser, problem.residuals, z, size, report)
+    z = outcome.unknowns
+    return problem, outcome, problem.field(z), problem.differences(z)
 
 
 @eqx.filter_jit
@@ -144,5 +144,5 @@ def deviation(
     size = jnp.where(size == 0, 1, size)
     solver = lx.CG(0.0, TOLERANCE, norm=optx.two_norm, max_steps=max_steps)
     solution = lx.linear_solve(operator, slope / size, solver, throw=False)
-    found = largest * jnp.sqrt(size * jnp.sum(slope * solution.value))
-    return jnp.where(solution.result == lx.RESULTS.successful, found, jnp.nan)
+    value = largest * jnp.sqrt(size * jnp.sum(slope * solution.value))
+    return jnp.where(solution.result == lx.RESULTS.successful, value, jnp.nan)

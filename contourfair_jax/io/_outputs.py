@@ -93,9 +93,9 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         with in_one_line(path):
             yield partial
-            for each in partial.rglob("*"):
-                if each.is_file():
-                    flush(each)
+            for file in partial.rglob("*"):
+                if file.is_file():
+                    flush(file)
             if target.exists():
                 os.rename(target, old)
             os.rename(partial, target)
@@ -122,13 +122,13 @@ def replacing_pair(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
             header = partial / target.name
             yield header
             pair = (header.with_suffix(suffix), header)
-            for each in pair:
-                if (target.parent / each.name).exists():
-                    shutil.copymode(target.parent / each.name, each)
-                flush(each)
+            for file in pair:
+                if (target.parent / file.name).exists():
+                    shutil.copymode(target.parent / file.name, file)
+                flush(file)
             target.unlink(missing_ok=True)
-            for each in pair:
-                os.replace(each, target.parent / each.name)
+            for file in pair:
+                os.replace(file, target.parent / file.name)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 
@@ -161,8 +161,8 @@ def in_one_line(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        said = error.strerror or one_line(error)
-        raise InputError(f"{path}: cannot be written ({said})") from error
+        reason = error.strerror or one_line(error)
+        raise InputError(f"{path}: cannot be written ({reason})") from error
 
 
 def flush(path: Path) -> None:

@@ -209,7 +209,7 @@ def _with_rim(samples: Array, axis: int, part: _Part) -> Array:
 
 def _beside(samples: Array, axis: int, part: _Part, count: int, step: int) -> Array:
     """The `count` samples before (`step` 1) or behind (-1) the part."""
-    found = []
+    pieces = []
     for hop in range(1, math.ceil(count / part.size) + 1):
         taken = min(part.size, count - (hop - 1) * part.size)
         kept = slice(part.size - taken, None) if step > 0 else slice(taken)
@@ -220,7 +220,7 @@ def _beside(samples: Array, axis: int, part: _Part, count: int, step: int) -> Ar
             if 0 <= device + step * hop < part.devices
         ]
         if pairs:
-            found.append(jax.lax.ppermute(piece, part.name, pairs))
+            pieces.append(jax.lax.ppermute(piece, part.name, pairs))
         else:
-            found.append(jnp.zeros_like(piece))
-    return jnp.concatenate(found[::-1] if step > 0 else found, axis=axis)
+            pieces.append(jnp.zeros_like(piece))
+    return jnp.concatenate(pieces[::-1] if step > 0 else pieces, axis=axis)

@@ -136,8 +136,8 @@ class ZarrStore:
 
     def sweep(self) -> None:
         """Remove what writers that were killed left behind."""
-        for each in self.path.rglob("*.partial"):
-            each.unlink(missing_ok=True)
+        for partial in self.path.rglob("*.partial"):
+            partial.unlink(missing_ok=True)
 
 
 class ZarrWriter:

@@ -130,7 +130,7 @@ class FairAccessor:
         targets = [_target(array, axis, wanted.get(axis.dim, axis.coordinate)) for axis in axes]
         spread = xr.broadcast(*targets)
         points = np.stack(
-            [axis.local(each.to_numpy()) for axis, each in zip(axes, spread, strict=True)], -1
+            [axis.local(target.to_numpy()) for axis, target in zip(axes, spread, strict=True)], -1
         )
 
         def evaluate(field: BezierField) -> np.ndarray:
@@ -138,14 +138,14 @@ class FairAccessor:
 
         values = _of_each(array, axes, method, evaluate)
         batch = array.dims[: array.ndim - len(axes)]
-        found = xr.DataArray(
+        interpolated = xr.DataArray(
             values, dims=(*batch, *spread[0].dims), name=array.name, attrs=array.attrs
         )
         along = {axis.dim: target.dims for axis, target in zip(axes, targets, strict=True)}
         order = [new for dim in self._array.dims for new in along.get(dim, (dim,))]
-        found = found.transpose(*dict.fromkeys(order))
-        new = {each.name: each for each in targets if each.name in array.coords}
-        return found.assign_coords({**untouched_coordinates(array, axes), **new})
+        interpolated = interpolated.transpose(*dict.fromkeys(order))
+        new = {target.name: target for target in targets if target.name in array.coords}
+        return interpolated.assign_coords({**untouched_coordinates(array, axes), **new})
 
     def contours(
         self,
@@ -170,12 +170,12 @@ class FairAccessor:
                 "choose from the others with isel"
             )
         array, axes = self._prepared(self._array.dims, periodic)
-        found = _with_field(
+        traced = _with_field(
             array.to_numpy(), axes, method, lambda field: contours(field, levels, tolerance)
         )
         starts = np.array([axis.start for axis in axes])
-        lines = tuple(replace(line, points=line.points + starts) for line in found.lines)
-        return replace(found, lines=lines)
+        lines = tuple(replace(line, points=line.points + starts) for line in traced.lines)
+        return replace(traced, lines=lines)
 
     def _prepared(
         self,
@@ -207,8 +207,8 @@ def _of_each(
     members = values.reshape(math.prod(batch), *values.shape[len(batch) :])
     # No members have a shape too, which that of one tells.
     like = members if len(members) else np.zeros((1, *members.shape[1:]), values.dtype)
-    made = np.stack([_with_field(member, axes, method, use) for member in like])
-    return made[: len(members)].reshape((*batch, *made.shape[1:]))
+    results = np.stack([_with_field(member, axes, method, use) for member in like])
+    return results[: len(members)].reshape((*batch, *results.shape[1:]))
 
 
 def _factors(factor: int | Mapping[Any, int], axes: tuple[Axis, ...]) -> tuple[int, ...]:

@@ -59,9 +59,9 @@ def read(path: Path, key: str | None) -> Grid:
         **_described(header),
     }
     if placed:
-        codes, said = _codes(header)
+        codes, code_notes = _codes(header)
         metadata |= codes
-        notes += said
+        notes += code_notes
     if header.extensions:
         notes += (f"extensions of the header are left out: {len(header.extensions)}",)
     return volume_grid(

@@ -59,5 +59,5 @@ def _kind(path: Path) -> str:
     except (Image.UnidentifiedImageError, Image.DecompressionBombError):
         return "unknown"
     beyond_grey = tags.get(_EXTRA, ()) if tags.get(_PHOTOMETRIC) in _GREY else ()
-    several = any(each not in _ALPHA for each in beyond_grey)
+    several = any(channel not in _ALPHA for channel in beyond_grey)
     return "geo" if several or _GEO_TAGS & set(tags) else "plain"

@@ -48,11 +48,11 @@ class _Member(NamedTuple):
 
 def read(path: Path, key: str | None) -> Grid:
     """A variable of a group, or the array."""
-    found = _find(path, key)
-    if found.array is not None:
-        return _read_array(found.array, found.key)
-    with _open_group(found.path) as data:
-        return grid_from_dataset(data, found.key)
+    member = _find(path, key)
+    if member.array is not None:
+        return _read_array(member.array, member.key)
+    with _open_group(member.path) as data:
+        return grid_from_dataset(data, member.key)
 
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
@@ -60,7 +60,9 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     data = dataset_from_grid(grid)
     most = _CHUNK.get(grid.ndim, 64)
     chunks = {"chunks": tuple(min(n, most) for n in grid.shape)}
-    encoding = {name: {**each.encoding, **chunks} for name, each in data.items() if each.ndim}
+    encoding = {
+        name: {**variable.encoding, **chunks} for name, variable in data.items() if variable.ndim
+    }
     data.to_zarr(path, mode="w", zarr_format=3, consolidated=False, encoding=encoding)
     consolidate(path)
     return ()
@@ -201,5 +203,5 @@ def _codec_names(tree: Any) -> Iterator[str]:
         yield from (str(tree[name]) for name in ("name", "id") if name in tree)
         tree = list(tree.values())
     if isinstance(tree, list | tuple):
-        for each in tree:
-            yield from _codec_names(each)
+        for branch in tree:
+            yield from _codec_names(branch)

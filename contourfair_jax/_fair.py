@@ -10,7 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ._fairing.local_fairing.method import LocalFairing
+from ._fairing.default import chosen_method
 from ._fairing.method import AbstractFairing, FitReport
 from ._field import BezierField
 from ._support import checks
@@ -80,11 +80,7 @@ def fair_field(
     values = checks.check_samples(values)
     spacing = checks.check_per_axis(spacing, values.ndim, "spacing", positive=True)
     origin = checks.check_per_axis(origin, values.ndim, "origin")
-    if method is None:
-        method = LocalFairing()
-    if not isinstance(method, AbstractFairing):
-        raise ValueError(f"method must be an object such as LocalFairing(), got {method!r}")
-    method = method.prepare(values)
+    method = chosen_method(method).prepare(values)
     settings, steps = settings_as_arrays(method, values.dtype), jnp.asarray(spacing, values.dtype)
     net, report = _fit(settings, values, steps)
     known = jax.lax.stop_gradient(report)
@@ -156,17 +152,13 @@ class FairUpsample(eqx.Module):
 
     factor: int | tuple[int, ...] = eqx.field(static=True, converter=_hashable)
     ndim: int = eqx.field(static=True, default=2)
-    method: AbstractFairing = eqx.field(default_factory=LocalFairing)
+    method: AbstractFairing = eqx.field(default=None, converter=chosen_method)
     spacing: float | tuple[float, ...] = eqx.field(static=True, default=1.0, converter=_hashable)
 
     def __check_init__(self):
         checks.check_choice(self.ndim, checks.DIMENSIONS, "ndim")
         checks.check_factors(self.factor, self.ndim)
         checks.check_per_axis(self.spacing, self.ndim, "spacing", positive=True)
-        if not isinstance(self.method, AbstractFairing):
-            raise ValueError(
-                f"method must be an object such as LocalFairing(), got {self.method!r}"
-            )
 
     def __call__(
         self, x: Float[ArrayLike, "..."], *, key: Array | None = None

@@ -30,18 +30,18 @@ class Values:
     Parameters
     ----------
     low, high : float
-    precision : float
+    eps : float
         Rounding of numbers near 1, in the precision that the net was computed in.
     """
 
     low: float
     high: float
-    precision: float
+    eps: float
 
     @property
     def rounding(self) -> float:
         """Rounding of the largest sample."""
-        return self.precision * max(-self.low, self.high)
+        return self.eps * max(-self.low, self.high)
 
     @property
     def middle(self) -> float:
@@ -66,10 +66,10 @@ def values_of(net: np.ndarray) -> Values:
     """Range and rounding of the samples of a control net."""
     samples = net[(slice(None, None, 3),) * net.ndim]
     samples = samples[np.isfinite(samples)]
-    precision = float(np.finfo(net.dtype).eps)
+    eps = float(np.finfo(net.dtype).eps)
     if not samples.size:
-        return Values(0.0, 0.0, precision)
-    return Values(float(samples.min()), float(samples.max()), precision)
+        return Values(0.0, 0.0, eps)
+    return Values(float(samples.min()), float(samples.max()), eps)
 
 
 def distinct(levels: np.ndarray, least: float) -> np.ndarray:
@@ -108,11 +108,7 @@ def level_notes(
 
 def rounding_note(values: Values, what: str) -> tuple[str, ...]:
     """A note on rounding that moves lines or surfaces."""
-    if (
-        not values.shift()
-        > max(_NOTED_SHIFT, _NOTED_ROUNDINGS * values.precision) * values.spread
-        > 0
-    ):
+    if not values.shift() > max(_NOTED_SHIFT, _NOTED_ROUNDINGS * values.eps) * values.spread > 0:
         return ()
     return (
         f"{what} are up to {values.shift():.1g} above their levels, because the samples are "
@@ -155,6 +151,21 @@ def listed(levels: np.ndarray, digits: str = ".10g") -> str:
 Levels: TypeAlias = Scalar | Sequence[Scalar] | Real[Array | np.ndarray, " levels"]
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
+
+
+# Levels where nothing says how many.
+USUAL_COUNT = 10
+
+
+def even_levels(samples: np.ndarray, count: int = USUAL_COUNT) -> np.ndarray:
+    """`count` levels that divide the range of the finite samples into equal parts.
+
+    None where the samples have no range.
+    """
+    finite = samples[np.isfinite(samples)]
+    if not finite.size or finite.min() == finite.max():
+        return np.zeros(0)
+    return np.linspace(float(finite.min()), float(finite.max()), count + 2)[1:-1]
 
 
 def check_levels(levels: Levels, infinite: bool = False) -> np.ndarray:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ._grid.grid import Grid
-from ._support.errors import MissingPackageError
+from ._support.errors import needed
 from .isosurface._mesh import merged
 
 if TYPE_CHECKING:
@@ -163,9 +164,6 @@ def _points(places: np.ndarray) -> Any:
 
 
 def vtk_module(name: str) -> Any:
-    import importlib
-
-    try:
-        return importlib.import_module(f"vtkmodules.{name}")
-    except ImportError as error:
-        raise MissingPackageError("VTK is needed: pip install 'contourfair-jax[vtk]'") from error
+    """A module of VTK, which is imported when it is first used."""
+    needed("vtkmodules", "vtk", "a data set of VTK")
+    return import_module(f"vtkmodules.{name}")

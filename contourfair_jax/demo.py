@@ -29,7 +29,7 @@ from ._field import BezierField
 from ._grid.grid import Grid
 from ._support.errors import InputError
 from .cli._console import Reporter
-from .cli._steps import precision
+from .cli._steps import float_width
 from .contours import Contours
 from .export import write_geojson
 from .io import example, write
@@ -216,7 +216,7 @@ def main(
     console.print(f"{grid.shape[0]} x {grid.shape[1]} samples, whole metres, every sample kept\n")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with precision(single=False):
+        with float_width(single=False):
             rows, written = run(grid, folder, methods, say)
     except (InputError, OSError) as error:
         say.error(str(error))

@@ -121,7 +121,7 @@ def test_a_batch_of_fields_is_not_taken_for_a_volume(hill):
         lambda: fields.isosurface(0.5),
         lambda: fields.contours(0.5),
     ):
-        with pytest.raises(ValueError, match="field must be one field, got a batch"):
+        with refused(ValueError, match="field must be one field, got a batch"):
             use()
     finer = jax.vmap(lambda field: field.refine(2))(fields)
     np.testing.assert_allclose(finer[1], 2 * finer[0], atol=1e-5)

@@ -20,5 +20,6 @@ from contourfair_jax._fairing.local_fairing.splines import TO_BEZIER as TO_BEZIE
 from contourfair_jax._fairing.local_fairing.windows import neighbourhoods as neighbourhoods
 from contourfair_jax._fairing.local_fairing.windows import scatter_patches as scatter_patches
 from contourfair_jax._fairing.small_systems import batched as batched
+from contourfair_jax._level_sets import even_levels as even_levels
 from contourfair_jax._support.xla import apart as apart
 from contourfair_jax.isosurface._mesh import edges_of as edges_of

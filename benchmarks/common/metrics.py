@@ -19,11 +19,6 @@ def psnr(reconstruction: Array, truth: Array) -> float:
     return float(20.0 * np.log10(np.ptp(truth) / rms(reconstruction - truth)))
 
 
-def inner_levels(samples: Array, count: int = 10) -> Array:
-    """The ``count`` inner values of ``count + 2`` equally spaced ones over the samples' range."""
-    return np.linspace(samples.min(), samples.max(), count + 2)[1:-1]
-
-
 def parts(refined: Array, levels: Array) -> int:
     """Number of contour components over all levels."""
     return sum(len(find_contours(refined, level)) for level in levels)

@@ -4,6 +4,7 @@ import time
 
 from benchmarks.common import engine, gmt, metrics, peers, report
 from benchmarks.common.fields import PLANE, VOLUME, Case
+from benchmarks.common.inside import even_levels
 from benchmarks.common.peers import Array, Method
 from benchmarks.common.report import Result, Track
 
@@ -60,7 +61,7 @@ def score(method: Method, case: Case, samples: Array, truth: Array) -> Result:
         "seconds": seconds,
     }
     if case.ndim == 2:
-        row["parts"] = metrics.parts(refined, metrics.inner_levels(samples))
+        row["parts"] = metrics.parts(refined, even_levels(samples))
     return row
 
 
@@ -74,7 +75,7 @@ def run(track: Track = report.silent, cases: tuple[Case, ...] = (*PLANE, VOLUME)
             known = {case.name: (case.samples(), case.truth())}
             samples, truth = known[case.name]
             if case.ndim == 2:
-                rows[case.name]["parts"] = metrics.parts(truth, metrics.inner_levels(samples))
+                rows[case.name]["parts"] = metrics.parts(truth, even_levels(samples))
         rows[case.name]["methods"][name] = score(method, case, *known[case.name])
     return {"gmt": gmt.version(), "cases": rows}
 

@@ -24,6 +24,7 @@ from scipy.ndimage import gaussian_filter
 
 import contourfair_jax as cf
 from benchmarks.common import data, engine, report
+from benchmarks.common.inside import even_levels
 from benchmarks.common.report import Result, Track
 from contourfair_jax import AbstractFairing, BezierField, io, metrics
 
@@ -74,9 +75,9 @@ def raw_fields(folder: Path = data.FOLDER) -> Iterator[tuple[str, np.ndarray]]:
 
 def levels_of(samples: np.ndarray, kind: str, count: int = LEVELS) -> np.ndarray:
     """Levels evenly between the extremes, or such that samples have: plateaus lie on them."""
-    present = np.sort(samples[np.isfinite(samples)])
     if kind == "even":
-        return np.linspace(present[0], present[-1], count + 2)[1:-1]
+        return even_levels(samples, count)
+    present = np.sort(samples[np.isfinite(samples)])
     levels = present[np.linspace(0, len(present) - 1, count + 2).astype(int)[1:-1]]
     return np.unique(levels)
 

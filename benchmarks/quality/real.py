@@ -7,6 +7,7 @@ import numpy as np
 
 from benchmarks.common import data, engine, gmt, metrics, peers, report
 from benchmarks.common.data import RealField
+from benchmarks.common.inside import even_levels
 from benchmarks.common.peers import Method
 from benchmarks.common.report import Result, Track
 
@@ -31,7 +32,7 @@ def score(field: RealField, methods: dict[str, Method]) -> Result:
     coarse = np.ascontiguousarray(truth[kept])
     dropped = np.ones(truth.shape, bool)
     dropped[kept] = False
-    levels = metrics.inner_levels(coarse)
+    levels = even_levels(coarse)
     result: Result = {"shape": list(truth.shape), "methods": {}}
     if ndim == 2:
         result["parts"] = metrics.parts(truth, levels)

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from skimage.measure import find_contours
 
 from benchmarks.common import engine, fields, metrics, peers, report
+from benchmarks.common.inside import even_levels
 from benchmarks.common.peers import Array, Method
 from benchmarks.common.report import Result, Track
 
@@ -122,7 +123,7 @@ def contour_lines(refined: Array, factor: int, levels: Array) -> list[tuple[floa
 def crossing_lines(track: Track) -> Result:
     """Crossings among 40 levels of the under-resolved waves; bilinear lines smoothed as well."""
     samples = _waves(41)
-    levels = np.linspace(samples.min(), samples.max(), 42)[1:-1]
+    levels = even_levels(samples, 40)
     rough = contour_lines(samples, 1, levels)
     rows: Result = {
         name: crossings([(v, smooth(line)) for v, line in rough])

@@ -1,4 +1,4 @@
-"""Where samples lie: affine maps from sample index to world coordinates, in array order.
+"""Affine maps from sample index to world coordinates, in array order.
 
 An affine map of a d-dimensional grid is a ``(d + 1, d + 1)`` matrix ``A`` with
 ``world = A[:d, :d] @ index + A[:d, d]``.  Index and world coordinates are both in array order
@@ -96,7 +96,7 @@ def is_skewed(affine: np.ndarray) -> bool:
 
 
 def seam_note(name: str) -> str:
-    """What is to be known of an axis that goes all the way round."""
+    """Note on an axis that goes all the way round."""
     return f"{name} goes all around; the cells between its last and first sample are left out"
 
 

@@ -162,8 +162,8 @@ class Grid:
         """First and last index of missing samples per axis, or None where none is missing."""
         if self.missing is None or not self.missing.any():
             return None
-        found = np.nonzero(self.missing)
-        return tuple((int(where.min()), int(where.max())) for where in found)
+        indices = np.nonzero(self.missing)
+        return tuple((int(index.min()), int(index.max())) for index in indices)
 
     def from_index(self) -> np.ndarray:
         """The map from sample numbers to world coordinates, or else to those of the field."""

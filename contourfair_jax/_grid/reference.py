@@ -51,9 +51,9 @@ def _attributes(name: str, units: str) -> dict[str, str]:
 
 
 def _unit(projected: str) -> str:
-    """What the conventions call the unit of length that comes last, which is that of the axes."""
-    found = _LENGTH.findall(projected)
-    name, size = found[-1] if found else ("m", "1")
+    """CF name of the unit of length that comes last, which is that of the axes."""
+    units = _LENGTH.findall(projected)
+    name, size = units[-1] if units else ("m", "1")
     with suppress(ValueError):
         for known, metres in _METRES.items():
             if abs(float(size) / metres - 1) < 1e-9:
@@ -89,6 +89,33 @@ def _wkt(crs: str) -> str:
 
         return CRS.from_user_input(crs).to_wkt()
     return crs
+
+
+# The code of a system: at the end of its WKT, or alone, as a URN or as an address.
+_EPSG = re.compile(
+    r'(?:AUTHORITY\s*\[\s*"EPSG"\s*,\s*"(\d+)"|ID\s*\[\s*"EPSG"\s*,\s*(\d+))\s*\]\s*\]$'
+    r"|^(?:urn:ogc:def:crs:|https?://www\.opengis\.net/def/crs/)?EPSG[:/](?:[\d.]*[:/])?(\d+)$",
+    re.IGNORECASE,
+)
+_CRS84 = re.compile(r'(?:^|[:/"])CRS84"?\s*[\]\s]*$', re.IGNORECASE)
+_TITLE = re.compile(r'\s*\w+\s*\[\s*"([^"]*)"')
+
+
+def epsg_code(crs: str) -> str | None:
+    """The number of a system in the EPSG registry, as far as its text says it."""
+    match = _EPSG.search(crs)
+    return next(filter(None, match.groups()), None) if match else None
+
+
+def is_crs84(crs: str) -> bool:
+    """Whether a text names WGS 84 with the longitude first, which has no EPSG code."""
+    return _CRS84.search(crs) is not None
+
+
+def crs_title(crs: str) -> str:
+    """The name inside a WKT text, or the text itself where it is a code."""
+    match = _TITLE.match(crs)
+    return match[1] if match else crs
 
 
 _SHORT = {"metre": "m", "meter": "m", "metres": "m", "meters": "m", "kilometre": "km"}
@@ -159,7 +186,7 @@ def has_own_spacing(grid: Grid) -> bool:
 def _crs_unit(crs: str) -> str:
     """The unit of the horizontal axes: the last that is named, but for those of heights."""
     if _GEOGRAPHIC.match(crs):
-        found = _UNIT.findall(crs)
-        return found[-1] if found else "degree"
-    found = _UNIT.findall(re.split("VERT_?C", crs)[0])
-    return found[-1] if found else ""
+        units = _UNIT.findall(crs)
+        return units[-1] if units else "degree"
+    units = _UNIT.findall(re.split("VERT_?C", crs)[0])
+    return units[-1] if units else ""

@@ -1,4 +1,4 @@
-"""Where samples of another grid lie in this one."""
+"""Grids to resample to: with another spacing, or like another grid."""
 
 from __future__ import annotations
 
@@ -65,5 +65,5 @@ def alike(grid: Grid, other: Grid) -> Grid:
 
 
 def coarsening(grid: Grid, outline: Grid) -> float:
-    """How many times farther apart the samples of the outline are, along the worst axis."""
+    """Ratio of the spacing of the outline to that of the grid, along the worst axis."""
     return float(np.divide(outline.steps, grid.steps).max())

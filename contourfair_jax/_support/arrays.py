@@ -20,7 +20,7 @@ _ROUNDINGS = 4
 
 
 def rounding(points: ArrayLike) -> float:
-    """What rounding may have changed coordinates by, relative to their size."""
+    """Bound on the rounding of coordinates, relative to their size."""
     kind = jnp.result_type(points)
     return _ROUNDINGS * float(jnp.finfo(kind if jnp.issubdtype(kind, jnp.floating) else float).eps)
 

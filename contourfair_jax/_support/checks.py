@@ -1,4 +1,4 @@
-"""Trace-time checks of arguments, in one message style: argument, what came, what to do."""
+"""Trace-time checks of arguments, in one message style: argument, value received, repair."""
 
 import warnings
 from collections.abc import Sequence
@@ -72,7 +72,7 @@ def check_samples(values: object, name: str = "values", depth: int = 1) -> Array
 
 
 def unmasked(values: object, name: str = "values") -> np.ndarray:
-    """As a plain array, NaN in the place of what is masked."""
+    """A plain array with NaN in the place of masked values."""
     if not isinstance(values, np.ma.MaskedArray) or not np.ma.is_masked(values):
         return _as_numpy(values, name)
     floats = values if values.dtype.kind == "f" else values.astype(float)
@@ -121,7 +121,7 @@ def check_per_axis(
 
 
 def _as_numpy(value: object, name: str) -> np.ndarray:
-    """As an array; ValueError for lists whose rows differ in length."""
+    """Convert to an array; ValueError for lists whose rows differ in length."""
     try:
         return np.asarray(value)
     except ValueError:
@@ -132,7 +132,7 @@ def _as_numpy(value: object, name: str) -> np.ndarray:
 
 
 def _as_float(number: ArrayLike) -> Array:
-    """In its own precision, or the default one of an integer."""
+    """A floating array in the precision of `number`, or the default one for an integer."""
     dtype = jnp.result_type(number)
     return jnp.asarray(number, dtype if jnp.issubdtype(dtype, jnp.floating) else float)
 
@@ -175,21 +175,21 @@ def check_count(value: object, least: int, name: str, *, most: int | None = None
 
 
 def check_factors(factor: object, ndim: int) -> tuple[int, ...]:
-    """How many times finer along each axis: one integer for all, or one for each.
+    """The factors of all axes, from one integer for all or one for each.
 
     Raises
     ------
     ValueError
         For another number of them, or one that is no integer of at least 1.
     """
-    each: tuple[Any, ...] = (factor,) * ndim
+    factors: tuple[Any, ...] = (factor,) * ndim
     if isinstance(factor, Sequence | np.ndarray):
-        each = tuple(factor)
-    if len(each) != ndim:
+        factors = tuple(factor)
+    if len(factors) != ndim:
         raise ValueError(f"factor must be one integer or {ndim}, one per axis, got {factor!r}")
-    for one in each:
-        check_count(one, 1, "factor")
-    return tuple(int(one) for one in each)
+    for number in factors:
+        check_count(number, 1, "factor")
+    return tuple(int(number) for number in factors)
 
 
 def check_real(
@@ -228,19 +228,19 @@ def check_shape(value: object, shape: tuple, name: str, *, scalar: bool = False)
     """Raise ValueError unless `value` is None or has `shape`, or none where `scalar` is allowed."""
     if value is None:
         return
-    came = np.shape(value)  # type: ignore[arg-type]
-    if came != shape and not (scalar and came == ()):
-        what = f"a scalar or of shape {shape}" if scalar else f"of shape {shape}"
-        raise ValueError(f"{name} must be {what} for these values, got shape {came}")
+    received = np.shape(value)  # type: ignore[arg-type]
+    if received != shape and not (scalar and received == ()):
+        wanted = f"a scalar or of shape {shape}" if scalar else f"of shape {shape}"
+        raise ValueError(f"{name} must be {wanted} for these values, got shape {received}")
 
 
 def _is_placeholder(value: object) -> bool:
-    """True for what tree transformations put in the place of a leaf."""
+    """Whether `value` is what tree transformations put in the place of a leaf."""
     return type(value) is object or isinstance(value, jax.ShapeDtypeStruct)
 
 
 def describe(value: object) -> str:
-    """A short text of what came, also for traced values."""
+    """A short text of a value for messages, also of traced ones."""
     if isinstance(value, Tracer):
         return f"an array of shape {value.shape} and dtype {value.dtype}"
     text = repr(value.tolist() if isinstance(value, np.ndarray | jax.Array) else value)

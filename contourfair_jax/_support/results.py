@@ -1,4 +1,4 @@
-"""Immutable results that are sequences, and progress of what takes long."""
+"""Immutable results that are sequences, and progress of long calls."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -8,12 +8,12 @@ Member = TypeVar("Member", covariant=True)
 
 
 class Members(Sequence[Member]):
-    """A sequence of what one of its fields holds."""
+    """A result that is a sequence of the members in one of its fields."""
 
     @property
     @abstractmethod
     def members(self) -> tuple[Member, ...]:
-        """What this is a sequence of."""
+        """The members in their order."""
 
     @overload
     def __getitem__(self, index: int) -> Member: ...

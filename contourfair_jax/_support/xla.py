@@ -1,4 +1,4 @@
-"""What JAX is told beside the mathematics: where not to fuse, what to keep, how much at once."""
+"""Hints for JAX beside the mathematics: where not to fuse, what to keep, how much at once."""
 
 import os
 from collections.abc import Callable
@@ -47,7 +47,7 @@ def apart(function: Callable) -> Callable:
 
 
 def kept(tree):
-    """Marks what took long to compute."""
+    """Mark values that took long to compute."""
     return checkpoint_name(tree, "kept")
 
 
@@ -69,7 +69,7 @@ class WorkingSet(NamedTuple):
 
 
 def _processors() -> int:
-    """Those that the process may use, where the system can say: XLA starts as many threads."""
+    """Number of cores that the process may use, if known: XLA starts as many threads."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -83,5 +83,5 @@ FILLING = WorkingSet(2**19, 512 * 2**20, 1, 512 * 2**20)
 
 
 def working_set() -> WorkingSet:
-    """What suits the default device."""
+    """The working set that suits the default device."""
     return CACHED if jax.default_backend() == "cpu" else FILLING

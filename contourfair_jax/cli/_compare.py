@@ -10,27 +10,23 @@ import numpy as np
 from .._grid.grid import Grid
 from .._support.errors import InputError
 from ._console import Reporter
-from ._levels import check_choice
+from ._levels import check_level_options
 from ._options import (
     Count,
     Crop,
-    Fill,
     Input,
     Interval,
-    Iterations,
     Json,
     Key,
     Levels,
-    Method,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
-from ._recipe import Recipe, Settings
-from ._steps import check_fairable, check_suffix, fair, levels_of, load, precision
+from ._recipe import Fairing, Recipe
+from ._steps import check_fairable, check_suffix, fair, float_width, levels_of, load
 
 SIZE = 32
 
@@ -64,7 +60,7 @@ def busiest_window(values: np.ndarray, size: int) -> list[tuple[int, int]]:
     if max(values.shape) <= size:
         return ranges
     steps = np.sum(np.abs(np.gradient(values.astype(np.float64))), axis=0)
-    best, found = -1.0, ranges
+    best, busiest = -1.0, ranges
     stride = max(1, size // 4)
     starts = [
         sorted({*range(0, max(n - size, 0) + 1, stride), max(n - size, 0)}) for n in values.shape
@@ -76,13 +72,14 @@ def busiest_window(values: np.ndarray, size: int) -> list[tuple[int, int]]:
             score = float(part[~gaps].mean()) * (~gaps).mean() ** 4 if not gaps.all() else 0.0
             if score > best:
                 best = score
-                found = [
+                busiest = [
                     (row, min(row + size, values.shape[0])),
                     (column, min(column + size, values.shape[1])),
                 ]
-    return found
+    return busiest
 
 
+@with_options
 def compare(
     source: Input,
     target: Annotated[Path, output("Picture to write, a .png.")],
@@ -90,11 +87,8 @@ def compare(
     interval: Interval = None,
     count: Count = None,
     crop: Crop = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
+    *,
+    fairing: Fairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -106,8 +100,8 @@ def compare(
 
     say = Reporter(quiet, as_json)
     check_suffix(target, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
-    check_choice(levels, interval, count)
+    recipe = Recipe.parse(fairing, single)
+    check_level_options(levels, interval, count)
     whole = load(source, key, target, recipe, say)
     check_fairable(whole, ndim=(2,))
     ranges, note = choose_window(whole, crop)
@@ -118,8 +112,8 @@ def compare(
     shown = f"rows {top}:{bottom}, columns {left}:{right}"
     check_fairable(grid, ndim=(2,))
     chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing the samples and drawing"):
-        plain = fair(grid, Recipe("local", Settings(iterations=0)))
+    with float_width(single), say.working("fairing the samples and drawing"):
+        plain = fair(grid, Recipe("local", {"iterations": 0}))
         faired = fair(grid, recipe)
         panels = {
             "bilinear": BilinearField(grid.values, grid.spacing, grid.origin),

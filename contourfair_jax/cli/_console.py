@@ -1,4 +1,4 @@
-"""What the command line says while it works: notes, a progress bar, errors of one line."""
+"""Messages of the command line: notes, a progress bar, errors of one line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,15 @@ from typing import Any
 from rich.console import Console
 from rich.progress import (
     BarColumn,
-    Progress,
     SpinnerColumn,
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.progress import Progress as Bar
+
+from .._support.results import Progress, untold
 
 _PATIENCE = 1.0
 
@@ -67,15 +69,15 @@ class Reporter:
         print(json.dumps(_plain({**facts, "notes": self._notes}), allow_nan=False))
 
     @contextmanager
-    def working(self, text: str) -> Iterator[Callable[[int, int], None]]:
+    def working(self, text: str) -> Iterator[Progress]:
         """Show a bar with the time passed, once the work takes more than a second.
 
-        Yields a function ``(done, all)`` that moves the bar; until it is called, the bar swings.
+        Yields what moves the bar; until it is called, the bar swings.
         """
         if self.quiet:
-            yield lambda done, total: None
+            yield untold
             return
-        progress = Progress(
+        bar = Bar(
             SpinnerColumn(),
             TextColumn("{task.description}"),
             BarColumn(bar_width=24),
@@ -83,21 +85,21 @@ class Reporter:
             console=self._console,
             transient=True,
         )
-        task = progress.add_task(text, total=None)
-        timer = threading.Timer(_PATIENCE, self._show, (progress, text))
+        task = bar.add_task(text, total=None)
+        timer = threading.Timer(_PATIENCE, self._show, (bar, text))
         timer.daemon = True
         timer.start()
         try:
-            yield lambda done, total: progress.update(task, completed=done, total=total)
+            yield lambda done, total: bar.update(task, completed=done, total=total)
         finally:
             timer.cancel()
             timer.join()
-            if progress.live.is_started:
-                progress.stop()
+            if bar.live.is_started:
+                bar.stop()
 
     @contextmanager
-    def counting(self, text: str, unit: str, size: float) -> Iterator[Callable[[int, int], None]]:
-        """A function ``(done, all)`` that moves a bar, with the rate and the time left.
+    def counting(self, text: str, unit: str, size: float) -> Iterator[Progress]:
+        """Show a bar with the rate and the time left; yields what moves it.
 
         Parameters
         ----------
@@ -112,7 +114,7 @@ class Reporter:
             TimeRemainingColumn(compact=True, elapsed_when_finished=True),
         )
         shown = not self.quiet and self._console.is_terminal
-        with Progress(*columns, console=self._console, transient=True, disable=not shown) as bar:
+        with Bar(*columns, console=self._console, transient=True, disable=not shown) as bar:
             task = bar.add_task(text, total=None, rate="")
             began: list[tuple[float, int]] = []
 
@@ -126,9 +128,9 @@ class Reporter:
 
             yield move
 
-    def _show(self, progress: Progress, text: str) -> None:
+    def _show(self, bar: Bar, text: str) -> None:
         if self._console.is_terminal:
-            progress.start()
+            bar.start()
         else:
             self._console.print(_printable(f"{text} ..."), markup=False)
 

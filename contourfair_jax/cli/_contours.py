@@ -11,27 +11,22 @@ import typer
 
 from .._grid.periodic import closed
 from ._console import Reporter
-from ._levels import check_choice
+from ._levels import check_level_options
 from ._options import (
     Count,
-    Fill,
     Input,
     Interval,
-    Iterations,
     Json,
     Key,
     Levels,
-    Method,
-    Periodic,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
-from ._recipe import Recipe
-from ._steps import as_input, check_fairable, check_suffix, faired, levels_of, load, precision
+from ._recipe import JoinedFairing, Recipe
+from ._steps import as_input, check_fairable, check_suffix, faired, float_width, levels_of, load
 
 if TYPE_CHECKING:
     from .._field import BezierField
@@ -44,6 +39,7 @@ _BANDS = (".geojson", ".json", ".gpkg", ".png")
 _LINES = (".geojson", ".json", ".gpkg", ".csv", ".svg", ".png")
 
 
+@with_options
 def contours(
     source: Input,
     target: Annotated[
@@ -60,12 +56,8 @@ def contours(
         float, typer.Option("--tolerance", "-t", help="How far from the true contour, in cells.")
     ] = 0.01,
     plot: Annotated[Path | None, typer.Option(help="Picture of the lines besides, a .png.")] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -85,28 +77,28 @@ def contours(
     check_suffix(target, _BANDS if filled else _LINES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
-    check_choice(levels, interval, count)
+    recipe = Recipe.parse(fairing, single)
+    check_level_options(levels, interval, count)
     with as_input():
         check_tolerance(tolerance)
     grid = load(source, key, target, recipe, say)
     check_fairable(grid, ndim=(2,))
     chosen = levels_of(grid, levels, interval, count, say)
     field = faired(grid, recipe, say)
-    with precision(single):
+    with float_width(single):
         with say.working("tracing contours") as progress:
-            found = _traced(field, chosen, tolerance, filled, progress)
+            traced = _traced(field, chosen, tolerance, filled, progress)
             shown = closed(grid, recipe.axes(grid))
-            notes = found.notes + _store(target, found, shown)
+            notes = traced.notes + _store(target, traced, shown)
         picture = target if target.suffix.lower() == ".png" else plot
         if picture is not None:
             with say.working(f"drawing {picture}"):
                 draw = partial(contour_figure, field, chosen, grid=shown, title=source.name)
-                figure = draw(bands=found) if isinstance(found, Bands) else draw(lines=found)
+                figure = draw(bands=traced) if isinstance(traced, Bands) else draw(lines=traced)
                 save_figure(figure, picture)
     for note in notes:
         say.note(note)
-    text, facts = _described(found)
+    text, facts = _described(traced)
     say.done(target, text, **facts)
 
 
@@ -117,7 +109,7 @@ def _traced(
     filled: bool,
     progress: Progress,
 ) -> Contours | Bands:
-    """The lines, or what is below, between and above the levels."""
+    """The lines, or if `filled` the bands below, between and above the levels."""
     from .. import contours as tracing
 
     with as_input():
@@ -127,7 +119,7 @@ def _traced(
         return tracing.contours(field, levels, tolerance, progress=progress)
 
 
-def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]:
+def _store(target: Path, traced: Contours | Bands, grid: Grid) -> tuple[str, ...]:
     """Store lines or bands, unless a picture is all that is asked for; notes on the file."""
     from ..contours import Bands
     from ..export import write_bands, write_lines, write_svg
@@ -136,28 +128,28 @@ def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]
     suffix = target.suffix.lower()
     if suffix == ".png":
         return ()
-    if isinstance(found, Bands):
-        return write_bands(target, found, grid)
+    if isinstance(traced, Bands):
+        return write_bands(target, traced, grid)
     if suffix == ".svg":
-        drawn = len({line.level for line in found})
-        return write_svg(target, found, grid, level_colors(drawn))
-    return write_lines(target, found, grid)
+        drawn = len({line.level for line in traced})
+        return write_svg(target, traced, grid, level_colors(drawn))
+    return write_lines(target, traced, grid)
 
 
-def _described(found: Contours | Bands) -> tuple[str, dict[str, Any]]:
-    """What there is, in words and in numbers."""
+def _described(traced: Contours | Bands) -> tuple[str, dict[str, Any]]:
+    """A summary of lines or bands, in words and as numbers by name."""
     from ..contours import Bands
 
-    if isinstance(found, Bands):
-        facts = {"levels": found.levels[1:-1], "bands": len(found), "unproved": found.unproved}
-        return f"{len(found)} bands", facts
+    if isinstance(traced, Bands):
+        facts = {"levels": traced.levels[1:-1], "bands": len(traced), "unproved": traced.unproved}
+        return f"{len(traced)} bands", facts
     facts = {
-        "levels": found.levels,
-        "lines": len(found),
-        "vertices": sum(len(line.points) for line in found),
-        "unproved": found.unproved,
+        "levels": traced.levels,
+        "lines": len(traced),
+        "vertices": sum(len(line.points) for line in traced),
+        "unproved": traced.unproved,
     }
-    return f"{len(found)} contours at {len(found.levels)} levels", facts
+    return f"{len(traced)} contours at {len(traced.levels)} levels", facts
 
 
 COMMANDS = {

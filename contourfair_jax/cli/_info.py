@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +10,7 @@ import typer
 
 from .._grid.affine import is_turned
 from .._grid.grid import Grid
+from .._grid.reference import crs_title
 from ..io import read
 from ._console import Reporter
 from ._options import Input, Json, Key, Quiet, examples
@@ -18,7 +18,7 @@ from ._words import by, describe_missing
 
 
 def information(grid: Grid) -> Iterator[tuple[str, str]]:
-    """What ``contourfair info`` shows: names and texts."""
+    """Names and texts, the lines that ``contourfair info`` shows."""
     yield "shape", f"{by(grid.shape)} ({', '.join(grid.axes)})"
     yield "type", grid.source_dtype.name + ("" if grid.source_dtype.isnative else ", byte-swapped")
     present = grid.values if grid.missing is None else grid.values[~grid.missing]
@@ -37,7 +37,7 @@ def information(grid: Grid) -> Iterator[tuple[str, str]]:
 
 
 def facts(grid: Grid) -> dict[str, Any]:
-    """What ``contourfair info --json`` shows."""
+    """The same by name, with all digits, for ``contourfair info --json``."""
     present = grid.values if grid.missing is None else grid.values[~grid.missing]
     return {
         "shape": grid.shape,
@@ -69,12 +69,6 @@ def _place(grid: Grid) -> Iterator[tuple[str, str]]:
 
 def _coordinates(grid: Grid, position: np.ndarray) -> str:
     return ", ".join(f"{name} {x:.10g}" for name, x in zip(grid.axes, position, strict=True))
-
-
-def crs_title(crs: str) -> str:
-    """The name inside a WKT text, or the text itself where it is a code."""
-    named = re.match(r'\s*\w+\s*\[\s*"([^"]*)"', crs)
-    return named[1] if named else crs
 
 
 def info(source: Input, key: Key = None, quiet: Quiet = False, as_json: Json = False) -> None:

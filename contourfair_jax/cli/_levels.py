@@ -1,4 +1,4 @@
-"""Which levels the options of the command line ask for."""
+"""Levels from the options ``--levels``, ``--interval`` and ``--count``."""
 
 import math
 
@@ -6,10 +6,11 @@ import numpy as np
 
 from .._support.errors import InputError
 
-MOST_LEVELS = 10_000
+# As in `_level_sets`, which imports JAX.
+MOST_LEVELS, _USUAL_COUNT = 10_000, 10
 
 
-def check_choice(
+def check_level_options(
     levels: str | None = None, interval: float | None = None, count: int | None = None
 ) -> None:
     """Refuse options of these names that are wrong whatever the samples are."""
@@ -25,16 +26,15 @@ def check_choice(
 
 def even_levels(values: np.ndarray, count: int) -> list[float]:
     """`count` levels that divide the range of `values` into equal parts; none if it is flat."""
-    check_choice(count=count)
-    lowest, highest = value_range(values)
-    if lowest == highest:
-        return []
-    return np.linspace(lowest, highest, count + 2)[1:-1].tolist()
+    from .. import _level_sets
+
+    check_level_options(count=count)
+    return _level_sets.even_levels(values, count).tolist()
 
 
 def interval_levels(values: np.ndarray, interval: float) -> list[float]:
     """The multiples of `interval` strictly inside the range of `values`."""
-    check_choice(interval=interval)
+    check_level_options(interval=interval)
     lowest, highest = value_range(values)
     if (highest - lowest) / interval > MOST_LEVELS:
         raise InputError(
@@ -49,13 +49,13 @@ def choose_levels(
     values: np.ndarray, levels: str | None, interval: float | None, count: int | None
 ) -> tuple[list[float], str]:
     """The levels that the options of the same names ask for (10 by default), and a note."""
-    check_choice(levels, interval, count)
+    check_level_options(levels, interval, count)
     if levels is not None:
         chosen = listed_levels(levels)
     elif interval is not None:
         chosen = interval_levels(values, interval)
     else:
-        chosen = even_levels(values, 10 if count is None else count)
+        chosen = even_levels(values, _USUAL_COUNT if count is None else count)
     lowest, highest = value_range(values)
     outside = [level for level in chosen if not lowest <= level <= highest]
     if len(outside) == len(chosen):

@@ -9,40 +9,32 @@ import typer
 
 from ._console import Reporter
 from ._options import (
-    Fill,
     Input,
-    Iterations,
     Json,
     Key,
-    Method,
-    Periodic,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
-from ._recipe import Recipe
-from ._steps import as_input, check_fairable, check_suffix, faired, load, precision
+from ._recipe import JoinedFairing, Recipe
+from ._steps import as_input, check_fairable, check_suffix, faired, float_width, load
 
 Tolerance = Annotated[
     float, typer.Option("--tolerance", "-t", help="How far from the true surface, in cells.")
 ]
 
 
+@with_options
 def isosurface(
     source: Input,
     target: Annotated[Path, output("File for the mesh: .vtp, .ply, .stl or .obj.")],
     level: Annotated[float, typer.Option("--level", "-l", help="Value of the surface.")],
     tolerance: Tolerance = 0.05,
     plot: Annotated[Path | None, typer.Option(help="Picture of the surface, a .png.")] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -63,13 +55,13 @@ def isosurface(
     check_suffix(target, MESH_SUFFIXES)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     with as_input():
         check_tolerance(tolerance)
     grid = load(source, key, target, recipe, say)
     check_fairable(grid, ndim=(3,))
     field = faired(grid, recipe, say)
-    with precision(single), say.working("tracing the surface") as move, as_input():
+    with float_width(single), say.working("tracing the surface") as move, as_input():
         mesh = trace(field, level, tolerance, progress=move)
     for note in mesh.notes:
         say.note(note)
@@ -98,6 +90,7 @@ def isosurface(
     )
 
 
+@with_options
 def adaptive(
     source: Input,
     target: Annotated[Path, output("File for the leaves, a .vtu.")],
@@ -107,12 +100,8 @@ def adaptive(
     plot: Annotated[
         Path | None, typer.Option(help="Picture of the leaves, a .png; of a volume, its middle.")
     ] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -132,21 +121,21 @@ def adaptive(
     check_suffix(target, (".vtu",))
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     with as_input():
         check_error(tolerance)
     grid = load(source, key, target, recipe, say)
     check_fairable(grid)
     field = faired(grid, recipe, say)
-    with precision(single), say.working("refining") as move, as_input():
-        found = refine(field, tolerance, progress=move)
+    with float_width(single), say.working("refining") as move, as_input():
+        leaves = refine(field, tolerance, progress=move)
     with say.working(f"writing {target}"):
-        write_leaves(target, found, grid)
+        write_leaves(target, leaves, grid)
     if plot is not None:
         with say.working(f"drawing {plot}"):
-            save_figure(leaf_figure(found, grid, source.name), plot)
-    text = f"{len(found)} leaves, error at most {found.error:.4g}"
-    say.done(target, text, leaves=len(found), vertices=len(found.vertices), error=found.error)
+            save_figure(leaf_figure(leaves, grid, source.name), plot)
+    text = f"{len(leaves)} leaves, error at most {leaves.error:.4g}"
+    say.done(target, text, leaves=len(leaves), vertices=len(leaves.vertices), error=leaves.error)
 
 
 COMMANDS = {

@@ -13,25 +13,21 @@ import typer
 
 from .._grid.reference import length_unit
 from ._console import Reporter
-from ._levels import check_choice
+from ._levels import check_level_options
 from ._options import (
     Count,
-    Fill,
     Input,
     Interval,
-    Iterations,
     Json,
     Key,
     Levels,
-    Method,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
+    with_options,
 )
-from ._recipe import Recipe
-from ._steps import check_fairable, check_suffix, fair, levels_of, load, precision
+from ._recipe import Fairing, Recipe
+from ._steps import check_fairable, check_suffix, fair, float_width, levels_of, load
 
 if TYPE_CHECKING:
     from .._field import BezierField
@@ -45,17 +41,15 @@ Step: TypeAlias = Callable[[], None]
 _LISTED = 10
 
 
+@with_options
 def metrics(
     source: Input,
     levels: Levels = None,
     interval: Interval = None,
     count: Count = None,
     plot: Annotated[Path | None, typer.Option(help="Picture of the table, a .png.")] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
+    *,
+    fairing: Fairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -70,28 +64,28 @@ def metrics(
     say = Reporter(quiet, as_json)
     if plot is not None:
         check_suffix(plot, (".png",))
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single)
-    check_choice(levels, interval, count)
+    recipe = Recipe.parse(fairing, single)
+    check_level_options(levels, interval, count)
     grid = load(source, key, plot, recipe, say)
     check_fairable(grid)
     chosen = levels_of(grid, levels, interval, count, say)
-    with precision(single), say.working("fairing and measuring") as progress:
-        found = _measured(grid, fair(grid, recipe), chosen, progress)
+    with float_width(single), say.working("fairing and measuring") as progress:
+        measures = _measured(grid, fair(grid, recipe), chosen, progress)
     if plot is not None:
         from ..plot import save_figure
         from ..plot._metrics import metrics_figure
 
         with say.working(f"drawing {plot}"):
-            figure = metrics_figure(chosen, found.header, found.tables, source.name)
+            figure = metrics_figure(chosen, measures.header, measures.tables, source.name)
             save_figure(figure, plot)
     if as_json:
-        say.result(found.facts())
+        say.result(measures.facts())
     else:
-        found.print()
+        measures.print()
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Measures:
     """Rows of every field by level, and figures of the whole fields."""
 
     levels: Sequence[float]
@@ -103,7 +97,7 @@ class _Found:
     changes: list[Change]
 
     def facts(self) -> dict[str, Any]:
-        """What ``--json`` prints."""
+        """Levels, tables, integrals and changes by name, for ``--json``."""
         table = {
             name: [dict(zip(self.header, row, strict=True)) for row in rows]
             for name, rows in self.tables.items()
@@ -137,7 +131,7 @@ class _Found:
 
 def _measured(
     grid: Grid, field: BezierField, levels: Sequence[float], progress: Progress
-) -> _Found:
+) -> _Measures:
     from ..metrics import bilinear_field
     from ..metrics._compare import COLUMNS
     from ..metrics._parts import changes
@@ -150,16 +144,16 @@ def _measured(
 
     plain = "bilinear" if grid.ndim == 2 else "trilinear"
     fields = {plain: bilinear_field(field), "fair": field}
-    return _Found(
+    return _Measures(
         levels=levels,
         header=tuple(COLUMNS[grid.ndim]),
-        tables={name: _rows(each, levels, moved) for name, each in fields.items()},
-        whole={name: _whole(each) for name, each in fields.items()},
+        tables={name: _rows(one, levels, moved) for name, one in fields.items()},
+        whole={name: _whole(one) for name, one in fields.items()},
         integrals=_integrals(field),
         units=_integral_units(grid),
         changes=[
-            replace(each, position=tuple(grid.world(np.array(each.position)).tolist()))
-            for each in changes(fields[plain], field, levels, moved)
+            replace(change, position=tuple(grid.world(np.array(change.position)).tolist()))
+            for change in changes(fields[plain], field, levels, moved)
         ],
     )
 
@@ -167,10 +161,10 @@ def _measured(
 def _rows(field: BezierField, levels: Sequence[float], moved: Step) -> list[list[float]]:
     from ..metrics._compare import figures, measured
 
-    found = measured(field, levels, moved=moved)
+    measures = measured(field, levels, moved=moved)
     # A level too close to the one below counts as that one.
-    same = np.searchsorted([each.level for each in found], levels, side="right") - 1
-    rows = [figures(each, field.ndim) for each in found]
+    same = np.searchsorted([measure.level for measure in measures], levels, side="right") - 1
+    rows = [figures(measure, field.ndim) for measure in measures]
     return [rows[k] for k in same.tolist()]
 
 
@@ -182,7 +176,7 @@ def _whole(field: BezierField) -> dict[str, float]:
 
 
 def _integrals(field: BezierField) -> dict[str, float]:
-    """Over all levels of a C1 field; a bilinear one has kinks besides, which are not in them."""
+    """Integrals over all levels of a C1 field; kinks of a bilinear field would not be in them."""
     from ..metrics import coarea, surface_coarea
 
     if field.ndim == 3:

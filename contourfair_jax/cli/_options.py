@@ -1,12 +1,15 @@
 """The options of the command line, each written once."""
 
+import inspect
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from ..io import FORMATS
-from ._recipe import METHODS
 
 # Endings of the files of samples that can be written.
 WRITABLE = ", ".join(suffix for each in FORMATS if each.writer for suffix in each.suffixes)
@@ -15,9 +18,9 @@ WRITABLE = ", ".join(suffix for each in FORMATS if each.writer for suffix in eac
 def _readable() -> str:
     """Endings of the files of samples that can be read, by the extra that brings their packages."""
     groups: dict[str, list[str]] = {}
-    for each in FORMATS:
-        extra = each.outside.extra if each.outside and each.outside.packages else ""
-        groups.setdefault(extra, []).extend(each.suffixes)
+    for row in FORMATS:
+        extra = row.outside.extra if row.outside and row.outside.packages else ""
+        groups.setdefault(extra, []).extend(row.suffixes)
     lines = [
         ", ".join(suffixes) + (f" (extra [cyan]{extra}[/])" if extra else "")
         for extra, suffixes in groups.items()
@@ -53,54 +56,6 @@ Json = Annotated[
 ]
 
 Single = Annotated[bool, typer.Option("--float32", help="Compute in float32: half the memory.")]
-
-Iterations = Annotated[
-    int | None,
-    typer.Option(help="Renewals of the normals; 0: thin plate. [dim]\\[default: 3][/]"),
-]
-
-Weight = Annotated[
-    float | None,
-    typer.Option(
-        "--thin-plate-weight", help="Share of thin plate energy. [dim]\\[default: of the method][/]"
-    ),
-]
-
-Sigma = Annotated[
-    str | None,
-    typer.Option(
-        "--sigma",
-        metavar="NUMBER|auto",
-        help="Noise of the samples, in their units: the field passes them within it instead of "
-        "through them.  With --method tune, auto finds it.",
-        show_default=False,
-    ),
-]
-
-Fill = Annotated[
-    bool,
-    typer.Option("--fill", help="Keep what global fairing puts in the place of missing samples."),
-]
-
-Method = Annotated[
-    str,
-    typer.Option(
-        "--method",
-        "-m",
-        help=f"How to fair: {', '.join(METHODS)}.",
-        autocompletion=lambda: list(METHODS),
-    ),
-]
-
-Periodic = Annotated[
-    str,
-    typer.Option(
-        "--periodic",
-        help="Axes that go all the way round, such as lon, separated by commas: after the last "
-        "sample comes the first.",
-        show_default=False,
-    ),
-]
 
 Bands = Annotated[
     bool,
@@ -140,3 +95,35 @@ def output(what: str):
 def examples(*lines: str) -> str:
     """Examples below the help of a command; blank lines keep them on lines of their own."""
     return "[bold]Examples[/]\n\n" + "\n\n".join(f"  {line}" for line in lines)
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose parameters that are dataclasses are options, one for each field.
+
+    In the help the options are in the place of the parameter, in the order of the fields.  The
+    command receives the dataclass.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
+    parameters = []
+    for name, parameter in inspect.signature(command).parameters.items():
+        if name not in groups:
+            parameters.append(parameter.replace(annotation=hints[name]))
+            continue
+        kinds = get_type_hints(groups[name], include_extras=True)
+        parameters += [
+            parameter.replace(name=field.name, annotation=kinds[field.name], default=field.default)
+            for field in fields(groups[name])
+        ]
+
+    @wraps(command)
+    def run(**given: object) -> None:
+        for name, group in groups.items():
+            options = {field.name: given.pop(field.name) for field in fields(group)}
+            given[name] = group(**options)
+        command(**given)
+
+    # Typer reads both.
+    run.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportAttributeAccessIssue]
+    run.__annotations__ = {field.name: field.annotation for field in parameters}
+    return run

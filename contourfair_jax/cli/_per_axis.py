@@ -35,7 +35,7 @@ class PerAxis(Generic[Number]):
     def parse(
         cls, option: str, text: str, number: Callable[[str], Number], wanted: str
     ) -> PerAxis[Number]:
-        """What ``4``, ``1,1,4`` or ``z=4`` ask for; `number` raises ValueError for others.
+        """Read ``4``, ``1,1,4`` or ``z=4``; `number` raises ValueError for what is no number.
 
         Raises
         ------
@@ -46,12 +46,12 @@ class PerAxis(Generic[Number]):
         names, numbers = zip(*(part.rpartition("=")[::2] for part in parts), strict=True)
         mixed = 0 < sum(map(bool, names)) < len(names)
         try:
-            found = tuple(number(each.strip()) for each in numbers)
+            parsed = tuple(number(part.strip()) for part in numbers)
         except ValueError:
-            mixed, found = True, ()
+            mixed, parsed = True, ()
         if mixed:
             raise InputError(f"{option} must be {wanted}, got {text}")
-        return cls(option, found, tuple(name.strip() for name in names if name))
+        return cls(option, parsed, tuple(name.strip() for name in names if name))
 
     def of(self, grid: Grid, others: Sequence[Number]) -> tuple[Number, ...]:
         """The number of every axis of a grid; of one that is not named, that of `others`.
@@ -77,7 +77,7 @@ class PerAxis(Generic[Number]):
 
 
 def parse_spacing(text: str) -> PerAxis[float]:
-    """What ``10``, ``2,1,1`` or ``z=1`` ask for.
+    """Read ``10``, ``2,1,1`` or ``z=1``.
 
     Raises
     ------
@@ -96,13 +96,13 @@ def parse_spacing(text: str) -> PerAxis[float]:
 
 @dataclass(frozen=True)
 class Factor:
-    """How many times finer."""
+    """The option ``--factor``: how many times finer along each axis."""
 
     given: PerAxis[int]
 
     @classmethod
     def parse(cls, text: str) -> Factor:
-        """What ``4``, ``1,1,4`` or ``z=4`` ask for.
+        """Read ``4``, ``1,1,4`` or ``z=4``.
 
         Raises
         ------

@@ -1,10 +1,12 @@
-"""How samples are to be faired: the options that the commands share, read and checked."""
+"""The options for fairing that the commands share: declared, read and checked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from .._grid.grid import Grid
 from .._grid.periodic import check_turn
@@ -15,43 +17,33 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The options for methods; None means the method's own default.
-
-    `noisy` asks for the noise `sigma` that suits the samples best.
-    """
-
-    iterations: int | None = None
-    thin_plate_weight: float | None = None
-    sigma: float | None = None
-    noisy: bool = False
-
-
-@dataclass(frozen=True)
 class Recipe:
     """A method by its name, its settings, and what is to be done besides.
 
-    Cells with a missing corner have no values, unless `fill` is set.  `periodic` has the names of
-    the axes that go all the way round; None for a command that joins none.
+    Parameters
+    ----------
+    settings
+        The settings that were given; the method has defaults of its own for the others.
+    noisy
+        Whether to look for the noise `sigma` that suits the samples best.
+    fill
+        Whether cells with a missing corner have values.
+    single
+        Whether to compute in float32.
+    periodic
+        The names of the axes that go all the way round; None for a command that joins none.
     """
 
     method: str = "local"
-    settings: Settings = Settings()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    noisy: bool = False
     fill: bool = False
     single: bool = False
     periodic: tuple[str, ...] | None = None
 
     @staticmethod
-    def parse(
-        method: str,
-        iterations: int | None,
-        weight: float | None,
-        sigma: str | None,
-        fill: bool,
-        single: bool,
-        periodic: str | None = None,
-    ) -> Recipe:
-        """From the options of a command; names of axes are separated by commas.
+    def parse(options: Fairing, single: bool) -> Recipe:
+        """From the options of a command.
 
         Raises
         ------
@@ -59,11 +51,15 @@ class Recipe:
             What no samples could be faired with: the method is unknown, a setting is out of its
             range, or the method fills no gaps.
         """
-        automatic = sigma is not None and sigma.strip().lower() == "auto"
-        noise = None if automatic else _number(sigma)
-        settings = Settings(iterations, weight, noise, noisy=automatic)
-        names = None if periodic is None else tuple(_split(periodic))
-        recipe = Recipe(method, settings, fill, single, names)
+        given = {name: value for name, value in vars(options).items() if value is not None}
+        method, fill = given.pop("method"), given.pop("fill")
+        periodic = tuple(_split(given.pop("periodic"))) if "periodic" in given else None
+        noisy = given.get("sigma", "").strip().lower() == "auto"
+        if noisy:
+            del given["sigma"]
+        elif "sigma" in given:
+            given["sigma"] = _number(given["sigma"])
+        recipe = Recipe(method, given, noisy, fill, single, periodic)
         _check(recipe)
         return recipe
 
@@ -87,14 +83,14 @@ class Recipe:
             No settings can be chosen for these samples.
         """
         try:
-            return METHODS[self.method](grid, self.settings)
+            return METHODS[self.method](grid, self)
         except ValueError as error:
             raise InputError(str(error)) from error
 
 
-def _number(sigma: str | None) -> float | None:
+def _number(sigma: str) -> float:
     try:
-        return None if sigma is None else float(sigma)
+        return float(sigma)
     except ValueError:
         raise InputError(
             f"--sigma must be a number, in the units of the samples, or auto, got {sigma!r}"
@@ -124,54 +120,112 @@ def _check(recipe: Recipe) -> None:
         raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
     if recipe.fill and method == "local":
         raise InputError("--fill needs --method global or tune; local fairing leaves gaps")
-    if method == "local" and (settings.noisy or settings.sigma is not None):
+    if method == "local" and (recipe.noisy or "sigma" in settings):
         raise InputError(
             "--sigma needs --method global or tune; local fairing passes through every sample"
         )
-    if settings.noisy and method != "tune":
+    if recipe.noisy and method != "tune":
         raise InputError("--sigma auto needs --method tune; with others give a number")
-    if settings == Settings():
+    if not settings:
         return
     from .._fairing.global_fairing.method import GlobalFairing
     from .._fairing.local_fairing.method import LocalFairing
 
     try:
-        _chosen(LocalFairing() if method == "local" else GlobalFairing(), settings)
+        replace(LocalFairing() if method == "local" else GlobalFairing(), **settings)
     except ValueError as error:
         raise InputError(str(error)) from error
 
 
-def _chosen(method: AbstractFairing, settings: Settings) -> AbstractFairing:
-    """The method with the settings that were given."""
-    given = {name: value for name, value in vars(settings).items() if value is not None}
-    del given["noisy"]
-    return replace(method, **given)
-
-
-def _local(grid: Grid, settings: Settings) -> AbstractFairing:
+def _local(grid: Grid, recipe: Recipe) -> AbstractFairing:
     from .._fairing.local_fairing.method import LocalFairing
 
-    return _chosen(LocalFairing(), settings)
+    return LocalFairing(**recipe.settings)
 
 
-def _global(grid: Grid, settings: Settings) -> AbstractFairing:
+def _global(grid: Grid, recipe: Recipe) -> AbstractFairing:
     from .._fairing.global_fairing.method import GlobalFairing
 
-    return _chosen(GlobalFairing(), settings)
+    return GlobalFairing(**recipe.settings)
 
 
-def _tuned(grid: Grid, settings: Settings) -> AbstractFairing:
+def _tuned(grid: Grid, recipe: Recipe) -> AbstractFairing:
     import jax.numpy as jnp
 
     from .._fairing.tuning import tune
 
     values = jnp.asarray(grid.values, dtype=float)
-    return _chosen(tune(values, spacing=grid.spacing, noisy=settings.noisy), settings)
+    return replace(tune(values, spacing=grid.spacing, noisy=recipe.noisy), **recipe.settings)
 
 
 # A method is chosen by its name; it may look at the samples.
-METHODS: Mapping[str, Callable[[Grid, Settings], AbstractFairing]] = {
+METHODS: Mapping[str, Callable[[Grid, Recipe], AbstractFairing]] = {
     "local": _local,
     "global": _global,
     "tune": _tuned,
 }
+
+
+def _method_names() -> list[str]:
+    return list(METHODS)
+
+
+@dataclass(frozen=True)
+class Fairing:
+    """The options for fairing of every command that fairs, each declared here only.
+
+    `with_options` puts them into the signatures of the commands.  A setting of the methods is one
+    field more, with the name that it has there and None as its default.
+    """
+
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            "-m",
+            help=f"How to fair: {', '.join(METHODS)}.",
+            autocompletion=_method_names,
+        ),
+    ] = "local"
+    iterations: Annotated[
+        int | None,
+        typer.Option(help="Renewals of the normals; 0: thin plate. [dim]\\[default: 3][/]"),
+    ] = None
+    thin_plate_weight: Annotated[
+        float | None,
+        typer.Option(
+            "--thin-plate-weight",
+            help="Share of thin plate energy. [dim]\\[default: of the method][/]",
+        ),
+    ] = None
+    sigma: Annotated[
+        str | None,
+        typer.Option(
+            "--sigma",
+            metavar="NUMBER|auto",
+            help="Noise of the samples, in their units: the field passes them within it instead of "
+            "through them.  With --method tune, auto finds it.",
+            show_default=False,
+        ),
+    ] = None
+    fill: Annotated[
+        bool,
+        typer.Option(
+            "--fill", help="Keep what global fairing puts in the place of missing samples."
+        ),
+    ] = False
+
+
+@dataclass(frozen=True)
+class JoinedFairing(Fairing):
+    """The options for fairing of commands that can join the ends of axes."""
+
+    periodic: Annotated[
+        str,
+        typer.Option(
+            "--periodic",
+            help="Axes that go all the way round, such as lon, separated by commas: after the last "
+            "sample comes the first.",
+            show_default=False,
+        ),
+    ] = ""

@@ -19,22 +19,17 @@ from ..io import check_writable, read, write
 from ._console import Reporter
 from ._options import (
     WRITABLE,
-    Fill,
     Input,
-    Iterations,
     Json,
     Key,
-    Method,
-    Periodic,
     Quiet,
-    Sigma,
     Single,
-    Weight,
     examples,
     output,
+    with_options,
 )
 from ._per_axis import parse_spacing
-from ._recipe import Recipe
+from ._recipe import JoinedFairing, Recipe
 from ._steps import as_between, check_fairable, faired, load, result_dtype, warn_narrowing
 from ._words import Output, by, describe_count
 
@@ -42,6 +37,7 @@ from ._words import Output, by, describe_count
 _COARSE = 1.5
 
 
+@with_options
 def resample(
     source: Input,
     target: Annotated[Path, output(f"File for the samples: {WRITABLE}.")],
@@ -60,12 +56,8 @@ def resample(
             "in order, z=1 for one by its name.",
         ),
     ] = None,
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     single: Single = False,
     quiet: Quiet = False,
@@ -77,7 +69,7 @@ def resample(
     the file are missing.  A coarser grid gets values of the field at its samples, not means.
     """
     say = Reporter(quiet, as_json)
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     if (like is None) == (spacing is None):
         raise InputError("give either --like or --spacing, to say where samples are to lie")
     steps = None if spacing is None else parse_spacing(spacing)
@@ -100,21 +92,21 @@ def resample(
         values, outside = resampled(field, grid, outline, recipe.axes(grid))
     for note in _notes(grid, outline, outside):
         say.note(note)
-    made = outline.with_values(values.astype(dtype, copy=False))
+    samples = outline.with_values(values.astype(dtype, copy=False))
     with say.working(f"writing {target}"):
-        for note in write(target, made):
+        for note in write(target, samples):
             say.note(note)
-    done = Output(made.shape, dtype, made.missing_count)
+    done = Output(samples.shape, dtype, samples.missing_count)
     say.done(target, str(done), shape=done.shape, type=done.dtype.name, missing=done.missing)
 
 
 def _notes(grid: Grid, outline: Grid, outside: int) -> Iterator[str]:
-    """What is to be known of the new grid, so many samples of which lie outside the file.
+    """Notes on the new grid, `outside` samples of which lie outside the file.
 
     Raises
     ------
     InputError
-        All of them do.
+        All of them lie outside.
     """
     size = outline.values.size
     if outside == size:

@@ -22,7 +22,7 @@ from .._resample import one_turn
 from .._support.errors import InputError
 from .._support.memory import check_memory
 from ..io import read, read_bands
-from ..io._outputs import check_apart, check_parent, check_target
+from ..io._outputs import check_apart, check_parent, check_target, known_suffix
 from ._console import Reporter
 from ._levels import choose_levels
 from ._recipe import Recipe
@@ -66,7 +66,7 @@ def result_dtype(grid: Grid, single: bool) -> np.dtype:
 
 
 @contextmanager
-def precision(single: bool) -> Iterator[None]:
+def float_width(single: bool) -> Iterator[None]:
     """Work in float64 here, or in float32 where `single` asks for it, whatever the process does."""
     import jax
 
@@ -75,7 +75,7 @@ def precision(single: bool) -> Iterator[None]:
 
 
 def fair(grid: Grid, recipe: Recipe) -> BezierField:
-    """The fair field of the samples, in field coordinates, in the present `precision`.
+    """The fair field of the samples, in field coordinates, in the present `float_width`.
 
     Along periodic axes the field goes on to the first sample of the next turn.
 
@@ -161,8 +161,8 @@ def _load(
 
 
 def _of_speed(grid: Grid, recipe: Recipe) -> tuple[str, ...]:
-    """What is faster, where fairing takes minutes."""
-    if recipe.method != "local" or recipe.settings.iterations == 0:
+    """A note on the faster method, where fairing takes minutes."""
+    if recipe.method != "local" or recipe.settings.get("iterations") == 0:
         return ()
     if grid.ndim < 3 or grid.values.size < _SLOW:
         return ()
@@ -184,7 +184,7 @@ def _of_grid(grid: Grid, joined: Sequence[str] | None) -> tuple[str, ...]:
 def faired(grid: Grid, recipe: Recipe, say: Reporter) -> BezierField:
     """The fair field of the samples, in the precision that is asked for."""
     size = by(grid.shape)
-    with precision(recipe.single), say.working(f"fairing {size} samples"):
+    with float_width(recipe.single), say.working(f"fairing {size} samples"):
         return fair(grid, recipe)
 
 
@@ -202,14 +202,13 @@ def warn_narrowing(grid: Grid, single: bool, say: Reporter) -> None:
 
 def check_suffix(target: Path, known: tuple[str, ...]) -> None:
     """Refuse an output whose ending says no known kind of file, or that cannot become a file."""
-    if target.suffix.lower() not in known:
-        raise InputError(f"{target}: the name must end in {', '.join(known)}")
+    known_suffix(target, known)
     check_target(target)
 
 
 @contextmanager
 def as_input() -> Iterator[None]:
-    """What the engine refuses is input that cannot be used, to be told in one line."""
+    """Turn ValueErrors of the engine into InputErrors, which are told in one line."""
     try:
         yield
     except InputError:

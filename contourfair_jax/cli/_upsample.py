@@ -15,32 +15,27 @@ from ._console import Reporter
 from ._options import (
     WRITABLE,
     Bands,
-    Fill,
     Input,
-    Iterations,
     Json,
     Key,
     Memory,
-    Method,
-    Periodic,
     Quiet,
     Resume,
-    Sigma,
     Single,
-    Weight,
     Workers,
     examples,
     output,
+    with_options,
 )
 from ._per_axis import Factor
-from ._recipe import Recipe
+from ._recipe import JoinedFairing, Recipe
 from ._steps import (
     as_between,
     check_fairable,
     fair,
+    float_width,
     load,
     load_bands,
-    precision,
     result_dtype,
     warn_narrowing,
 )
@@ -72,14 +67,14 @@ def upsample_whole(
     for grid in grids:
         check_fairable(grid, factors)
     dtype = np.result_type(*(result_dtype(grid, recipe.single) for grid in grids))
-    check_writable(target, *(as_between(each, dtype, max(factors) > 1) for each in grids))
+    check_writable(target, *(as_between(grid, dtype, max(factors) > 1) for grid in grids))
     warn_narrowing(grids[0], recipe.single, say)
     around = recipe.axes(grids[0])
     shape, count = grids[0].shape, len(grids)
     several: tuple[int, ...] = (count,) if count > 1 else ()
     size = by(several + shape)
     results: list[Grid] = []
-    with precision(recipe.single), say.working(f"fairing {size} samples") as move:
+    with float_width(recipe.single), say.working(f"fairing {size} samples") as move:
         for grid in grids:
             if several:
                 move(len(results), len(grids))
@@ -91,9 +86,10 @@ def upsample_whole(
         notes = write_bands(target, results)
     for note in notes:
         say.note(note)
-    return Output(several + results[0].shape, dtype, sum(each.missing_count for each in results))
+    return Output(several + results[0].shape, dtype, sum(grid.missing_count for grid in results))
 
 
+@with_options
 def upsample(
     source: Input,
     target: Annotated[Path, output(f"File for the finer samples: {WRITABLE}.")],
@@ -105,12 +101,8 @@ def upsample(
             help="How many times finer; 1,1,4 for every axis in order, z=4 for one by its name.",
         ),
     ] = "4",
-    method: Method = "local",
-    iterations: Iterations = None,
-    thin_plate_weight: Weight = None,
-    sigma: Sigma = None,
-    fill: Fill = False,
-    periodic: Periodic = "",
+    *,
+    fairing: JoinedFairing,
     key: Key = None,
     bands: Bands = False,
     single: Single = False,
@@ -129,15 +121,17 @@ def upsample(
     """
     say = Reporter(quiet, as_json)
     finer = Factor.parse(factor)
-    recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
+    recipe = Recipe.parse(fairing, single)
     tiling = Division(workers, resume, memory)
     if bands and key is not None:
         raise InputError(f"--all-bands takes every band, so --key {key} has nothing to choose")
     if is_tiled(source, target, recipe, tiling) and not bands:
-        made = upsample_in_tiles(source, target, key, finer, recipe, tiling, say)
+        written = upsample_in_tiles(source, target, key, finer, recipe, tiling, say)
     else:
-        made = upsample_whole(source, target, key, finer, recipe, say, bands)
-    say.done(target, str(made), shape=made.shape, type=made.dtype.name, missing=made.missing)
+        written = upsample_whole(source, target, key, finer, recipe, say, bands)
+    say.done(
+        target, str(written), shape=written.shape, type=written.dtype.name, missing=written.missing
+    )
 
 
 COMMANDS = {

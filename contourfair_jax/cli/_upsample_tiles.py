@@ -35,7 +35,7 @@ _LARGE = 2**26
 
 @dataclass(frozen=True)
 class Division:
-    """How work is to be divided: the options ``--workers``, ``--resume`` and ``--memory``."""
+    """The division of the work: the options ``--workers``, ``--resume`` and ``--memory``."""
 
     workers: int = 1
     resume: bool = False
@@ -64,7 +64,7 @@ def is_tiled(source: Path, target: Path, recipe: Recipe, division: Division) -> 
         )
     large = source.suffix.lower() in _PARTS and _size(source) > _LARGE
     large = large or kind == ".zarr"
-    whole = recipe.method == "tune" or recipe.settings.sigma is not None
+    whole = recipe.method == "tune" or "sigma" in recipe.settings
     return kind in _PARTS and (division.asked or (large and not whole))
 
 
@@ -152,13 +152,13 @@ def _planned(grid: Grid, source: Source, factors: tuple[int, ...], recipe: Recip
 
 @contextmanager
 def _warnings_as_notes(say: Reporter) -> Iterator[None]:
-    """What is warned of inside is told afterwards, unless it fails."""
+    """Collect warnings while the block runs; if it succeeds, tell them as notes afterwards."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         yield
-    for each in caught:
-        if each.category is UserWarning:
-            say.note(str(each.message))
+    for warning in caught:
+        if warning.category is UserWarning:
+            say.note(str(warning.message))
 
 
 def _opened(

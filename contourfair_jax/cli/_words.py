@@ -9,7 +9,7 @@ from .._grid.grid import Grid
 
 
 def describe_missing(grid: Grid) -> str:
-    """How many samples are missing, and where: ``3 of 63 (4.8%), within y 0..2, x 4..4``."""
+    """Missing samples and their bounding box: ``3 of 63 (4.8%), within y 0..2, x 4..4``."""
     box = grid.missing_box()
     if box is None:
         return "none"
@@ -20,12 +20,12 @@ def describe_missing(grid: Grid) -> str:
 
 
 def describe_count(missing: int, size: int) -> str:
-    """How many samples are missing: ``3 of 63 (4.8%)``."""
+    """Number and share of missing samples: ``3 of 63 (4.8%)``."""
     return f"{missing} of {size} ({missing / size:.1%})"
 
 
 def missing_note(described: str, fill: bool = False) -> str:
-    """What a command says of gaps in the data that it fairs."""
+    """Note on gaps in the data that a command fairs."""
     fate = "they are filled" if fill else "they and the cells beside them stay missing"
     return f"missing samples: {described}; {fate}"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from .._grid.grid import Grid
 from .._support.errors import InputError
 from .._vtk import leaf_grid, triangle_mesh, vtk_module
 from ..io import replacing
+from ..io._outputs import known_suffix
 
 if TYPE_CHECKING:
     from ..adaptive import AdaptiveField
@@ -55,10 +55,7 @@ def write_mesh(
     InputError
         For another ending, or a file that cannot be written.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in _WRITERS:
-        raise InputError(f"{path}: the name must end in {', '.join(_WRITERS)}")
-    module, name, single = _WRITERS[suffix]
+    module, name, single = _WRITERS[known_suffix(path, _WRITERS)]
     writer = getattr(vtk_module(module), name)()
     if hasattr(writer, "SetFileTypeToBinary"):
         writer.SetFileTypeToBinary()

@@ -5,22 +5,23 @@ from __future__ import annotations
 import csv
 import json
 import os
-import re
 import warnings
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from itertools import groupby
 from operator import attrgetter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .._grid.affine import diagonal_affine
 from .._grid.grid import Grid
-from .._support.errors import InputError, MissingPackageError
+from .._grid.reference import epsg_code, is_crs84
+from .._support.errors import InputError, needed
 from ..contours import Band, ContourLine
 from ..contours._line import signed_area
 from ..io import replacing
+from ..io._outputs import known_suffix
 
 if TYPE_CHECKING:
     from .._bezier.nets import PlacedNet
@@ -28,14 +29,6 @@ if TYPE_CHECKING:
 
 _SVG_SIZE = 1000.0
 
-# The code of a system: at the end of its WKT, or alone, as a URN or as an address.
-_EPSG = re.compile(
-    r'(?:AUTHORITY\s*\[\s*"EPSG"\s*,\s*"(\d+)"|ID\s*\[\s*"EPSG"\s*,\s*(\d+))\s*\]\s*\]$'
-    r"|^(?:urn:ogc:def:crs:|https?://www\.opengis\.net/def/crs/)?EPSG[:/](?:[\d.]*[:/])?(\d+)$",
-    re.IGNORECASE,
-)
-
-_CRS84 = re.compile(r'(?:^|[:/"])CRS84"?\s*[\]\s]*$', re.IGNORECASE)
 NO_CRS = "the source names no coordinate reference system; the file has none either"
 
 
@@ -94,17 +87,12 @@ def feature_collection(grid: Grid) -> tuple[dict[str, Any], tuple[str, ...]]:
     crs = (grid.crs or "").strip()
     if not crs:
         return collection, (NO_CRS,)
-    code = _epsg(crs)
-    if code == "4326" or (code is None and _CRS84.search(crs)):
+    code = epsg_code(crs)
+    if code == "4326" or (code is None and is_crs84(crs)):
         return collection, ()
     name = f"urn:ogc:def:crs:EPSG::{code}" if code else crs
     collection["crs"] = {"type": "name", "properties": {"name": name}}
     return collection, ("GeoJSON coordinates are in the source's system, named in its crs member",)
-
-
-def _epsg(crs: str) -> str | None:
-    found = _EPSG.search(crs)
-    return next(filter(None, found.groups()), None) if found else None
 
 
 def _line_feature(line: ContourLine, grid: Grid) -> dict[str, object]:
@@ -185,10 +173,7 @@ def write_bands(path: str | os.PathLike[str], bands: Sequence[Band], grid: Grid)
 
 
 def _writer(path: str | os.PathLike[str], known: dict[str, Callable[..., Notes]]) -> Callable:
-    suffix = Path(path).suffix.lower()
-    if suffix not in known:
-        raise InputError(f"{path}: the name must end in {', '.join(known)}")
-    return known[suffix]
+    return known[known_suffix(path, known)]
 
 
 def _write_csv(path: str | os.PathLike[str], lines: Sequence[ContourLine], grid: Grid) -> Notes:
@@ -257,15 +242,8 @@ def _write_package(
 
 
 def _geopackage_module(name: str) -> Any:
-    import importlib
-
-    try:
-        importlib.import_module("pyogrio")
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise MissingPackageError(
-            f"GeoPackage needs {error.name}: pip install 'contourfair-jax[geopackage]'"
-        ) from error
+    needed(("pyogrio", name), "geopackage", "GeoPackage")
+    return import_module(name)
 
 
 def _limits(band: Band) -> dict[str, float | None]:

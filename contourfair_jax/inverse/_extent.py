@@ -1,4 +1,4 @@
-"""Where the samples of a fit lie; checks of data about them."""
+"""The grid of a fit; checks of data about it."""
 
 import equinox as eqx
 import jax

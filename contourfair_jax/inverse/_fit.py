@@ -3,7 +3,7 @@
 import dataclasses
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import equinox as eqx
@@ -15,45 +15,56 @@ from jaxtyping import Array, Bool, Float, Int
 from rich.console import Console
 from rich.status import Status
 
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._support import checks
 from .._support.arrays import is_traced
+from .._support.results import Progress
 from ._extent import Extent, check_finite
 from ._observations import AbstractObservation
 from ._optimisers import AbstractOptimiser, GaussNewton, Search
 from ._prior import ThinPlate, cosines
-from ._problem import Problem, deviation, solve
+from ._problem import Problem, deviation, pose_and_solve
 
 # The displays in use, innermost last: compiled programs call `tell`, and know of no display.
-_ACTIVE: list[Status] = []
+_ACTIVE: list[Callable[[int, float, float], object]] = []
 
 
-def tell(step: object, loss: object, gradient: object) -> None:
+def tell(step: Any, loss: Any, gradient: Any) -> None:
     """Show how far the search is; called by the compiled program."""
     if _ACTIVE:
-        text = f"step {int(step)}: loss {float(loss):.4g}, gradient {float(gradient):.1e}"  # pyright: ignore
-        _ACTIVE[-1].update(text)
+        _ACTIVE[-1](int(step), float(loss), float(gradient))
 
 
 @contextmanager
-def shown(progress: bool) -> Iterator[None]:
-    """Show a line on stderr while the block runs, if `progress`."""
+def shown(progress: bool | Progress, max_steps: int) -> Iterator[None]:
+    """Tell `progress` of the steps while the block runs, or show a line on stderr if it is True."""
     if not progress:
         yield
         return
-    with Status("compiling", console=Console(stderr=True)) as status:
-        _ACTIVE.append(status)
+    with ExitStack() as stack:
+        if callable(progress):
+            told = progress
+
+            def show(step: int, loss: float, gradient: float) -> None:
+                told(step, max_steps)
+        else:
+            status = stack.enter_context(Status("compiling", console=Console(stderr=True)))
+
+            def show(step: int, loss: float, gradient: float) -> None:
+                status.update(f"step {step}: loss {loss:.4g}, gradient {gradient:.1e}")
+
+        _ACTIVE.append(show)
         try:
             yield
             jax.effects_barrier()
         finally:
-            _ACTIVE.remove(status)
+            _ACTIVE.remove(show)
 
 
 class InverseFit(eqx.Module):
-    """What `fit_samples` returns.
+    """Result of `fit_samples`.
 
     Parameters
     ----------
@@ -101,7 +112,7 @@ class InverseFit(eqx.Module):
     def standard_deviation(
         self, quantity: Callable[[BezierField], Array], max_steps: int = 500
     ) -> Float[Array, ""]:
-        """How uncertain a scalar function of the field is, to first order.
+        """Standard deviation of a scalar function of the field, to first order.
 
         The noise of the data has their sigma, and the samples are believed to be as smooth as the
         regularisation says; then the samples have the covariance `inv(J^T J)` near the solution,
@@ -146,7 +157,7 @@ def fit_samples(
     start: ArrayLike | None = None,
     regularisation: ThinPlate | None = None,
     dtype: str | np.dtype | None = None,
-    progress: bool = False,
+    progress: bool | Progress = False,
 ) -> InverseFit:
     """Find samples whose fair field explains observations.
 
@@ -169,8 +180,10 @@ def fit_samples(
         What is assumed of samples that the data do not determine; `ThinPlate()` by default.
     dtype : dtype or None
         float32 or float64; the default float of JAX by default.
-    progress : bool
-        Show a line with step, loss and gradient.
+    progress : bool or callable
+        True shows a line with step, loss and gradient.  A callable is called as
+        ``progress(done, total)`` with the steps that are done and `max_steps` of the optimiser,
+        before which the search may end.
 
     Returns
     -------
@@ -208,8 +221,8 @@ def fit_samples(
     """
     observed = _as_tuple(observations)
     extent = _extent(shape, spacing, origin, dtype)
-    prepared = [each.prepare(extent) for each in observed]
-    fairing = _checked(method, LocalFairing, AbstractFairing, "method")
+    prepared = [observation.prepare(extent) for observation in observed]
+    fairing = chosen_method(method)
     chosen = _checked(optimiser, GaussNewton, AbstractOptimiser, "optimiser")
     prior = _checked(regularisation, ThinPlate, ThinPlate, "regularisation")
     first = None
@@ -219,32 +232,33 @@ def fit_samples(
         first = jnp.asarray(start, extent.dtype)
     bases = tuple(jnp.asarray(cosines(n), extent.dtype) for n in extent.shape)
     misfits = tuple(misfit for misfit, _ in prepared)
-    with shown(progress):
+    with shown(progress, chosen.max_steps):
         report = tell if progress else None
-        problem, found, field, differences = solve(
+        problem, outcome, field, differences = pose_and_solve(
             misfits, extent, fairing, prior, bases, chosen, first, report
         )
-    if not is_traced(found.converged):
-        _warn(found)
+    if not is_traced(outcome.converged):
+        _warn(outcome)
     counts = [count for _, count in prepared]
     sites = [getattr(misfit, "points", None) for misfit in misfits]
     pairs = zip(sites, counts, strict=True)
     return InverseFit(
         # Outside of the compiled program they are as exact as they were given.
         dataclasses.replace(field, spacing=extent.spacing, origin=extent.origin),
-        tuple(each[:count] for each, count in zip(differences, counts, strict=True)),
+        tuple(residuals[:count] for residuals, count in zip(differences, counts, strict=True)),
         tuple(None if at is None else extent.absolute(at[:count]) for at, count in pairs),
-        found,
+        outcome,
         problem,
     )
 
 
-def _warn(found: Search) -> None:
-    if not bool(found.converged):
-        step = int(found.steps)
+def _warn(outcome: Search) -> None:
+    if not bool(outcome.converged):
+        step = int(outcome.steps)
+        gradient = float(outcome.gradients[step])
         warnings.warn(
             f"fit_samples did not converge: after {step} steps the gradient is "
-            f"{float(found.gradients[step]):.1e} of the data; raise max_steps of the optimiser or "
+            f"{gradient:.1e} of the data; raise max_steps of the optimiser or "
             "the weight of the regularisation, or allow a larger tolerance",
             UserWarning,
             stacklevel=3,
@@ -258,10 +272,10 @@ def _as_tuple(
     observed = (observations,) if single else tuple(observations)  # type: ignore[arg-type]
     if not observed:
         raise ValueError("observations must hold at least one observation, got none")
-    for each in observed:
-        if not isinstance(each, AbstractObservation):
+    for observation in observed:
+        if not isinstance(observation, AbstractObservation):
             raise ValueError(
-                f"observations must be objects such as Values(points, values), got {each!r}"
+                f"observations must be objects such as Values(points, values), got {observation!r}"
             )
     return observed
 

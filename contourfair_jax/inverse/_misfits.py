@@ -1,4 +1,4 @@
-"""How a field differs from data: observations as arrays, ready for a compiled fit."""
+"""Differences of a field from data: observations as arrays, ready for a compiled fit."""
 
 import abc
 import dataclasses
@@ -21,7 +21,7 @@ class AbstractMisfit(eqx.Module):
 
     @abc.abstractmethod
     def anchors(self, spacing: Float[Array, " ndim"]) -> tuple[Array, Array]:
-        """What is known of the values of the field, and sigmas in units of the values.
+        """Data about the values of the field, and sigmas in units of the values.
 
         The scale of the problem is taken from them; data that are not values have none.
         """
@@ -32,8 +32,9 @@ class AbstractMisfit(eqx.Module):
 
     def residuals(self, field: BezierField) -> Float[Array, "..."]:
         """Differences in units of sigma; data of infinite sigma have no weight."""
-        found = self.differences(field)
-        return found / self.sigma.reshape(self.sigma.shape + (1,) * (found.ndim - self.sigma.ndim))
+        differences = self.differences(field)
+        further = (1,) * (differences.ndim - self.sigma.ndim)
+        return differences / self.sigma.reshape(self.sigma.shape + further)
 
 
 class PointValues(AbstractMisfit):

@@ -1,4 +1,4 @@
-"""What is observed of a field, each kind of data with its noise; combined by `fit_samples`."""
+"""Observations of a field, each kind of data with its noise; combined by `fit_samples`."""
 
 import abc
 from collections.abc import Iterator, Sequence
@@ -152,7 +152,7 @@ class ContourLines(AbstractObservation):
 
 
 class Masks(AbstractObservation):
-    """Which points are inside, where the field is above a level, and which are outside.
+    """Points inside, where the field is above a level, and points outside.
 
     A point counts by how far the field is short of `level + sigma` inside, or above
     `level - sigma` outside; beyond that it does not count (a squared hinge).

@@ -33,7 +33,7 @@ def loss_of(residuals: Residuals) -> Callable[[Array], Float[Array, ""]]:
 
 
 class AbstractOptimiser(eqx.Module):
-    """How `fit_samples` searches; the search ends where the gradient of the loss is small.
+    """A way for `fit_samples` to search; the search ends where the gradient of the loss is small.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ class LBFGS(AbstractOptimiser):
 
 
 class Search(NamedTuple):
-    """What `search` returns."""
+    """Result of `search`."""
 
     unknowns: Float[Array, "*shape"]
     converged: Bool[Array, ""]

@@ -1,4 +1,4 @@
-"""What is assumed of samples that no data determine, and the coordinates that even it out."""
+"""The prior for samples that no data determine, and coordinates that even it out."""
 
 import itertools
 
@@ -45,7 +45,7 @@ class ThinPlate(eqx.Module):
     def residuals(
         self, samples: Float[Array, "*shape"], spacing: Float[Array, " ndim"]
     ) -> list[Float[Array, "..."]]:
-        """What is squared and summed, without the factor of the weight."""
+        """Terms whose squares are summed, without the factor of the weight."""
         steps = spacing / jnp.min(spacing)
         slopes = [jnp.diff(samples, axis=k) / steps[k] for k in range(samples.ndim)]
         parts = [jnp.diff(slope, axis=k) / steps[k] for k, slope in enumerate(slopes)]

@@ -53,7 +53,7 @@ class Problem(eqx.Module):
         return self.coordinates.unknowns((samples - self.centre) / self.unit)
 
     def differences(self, z: Float[Array, "*shape"]) -> list[Array]:
-        """Of all data from the field of the unknowns, in units of the data."""
+        """Residuals of all observations, field minus data, in units of the data."""
         field = self.relative_field(z)
         return [misfit.differences(field) * self.unit for misfit in self.misfits]
 
@@ -98,7 +98,7 @@ def pose(
 
 
 @eqx.filter_jit
-def solve(
+def pose_and_solve(
     misfits: tuple[AbstractMisfit, ...],
     extent: Extent,
     method: AbstractFairing,
@@ -110,16 +110,17 @@ def solve(
 ) -> tuple[Problem, Search, BezierField, list[Array]]:
     """Pose and solve: one compiled program for each shape, method, optimiser and kind of data.
 
-    Also the field that was found, and the differences of all data from it.
+    Returns the problem, the search, the field that it ends at, and the residuals of all
+    observations in units of the data.
     """
     problem = pose(misfits, extent, method, regularisation, cosines)
     z = jnp.zeros(extent.shape, extent.dtype)
     size = jnp.sqrt(2 * loss_of(problem.residuals)(z))
     if start is not None:
         z = problem.unknowns(start)
-    found = search(optimiser, problem.residuals, z, size, report)
-    z = found.unknowns
-    return problem, found, problem.field(z), problem.differences(z)
+    outcome = search(optimiser, problem.residuals, z, size, report)
+    z = outcome.unknowns
+    return problem, outcome, problem.field(z), problem.differences(z)
 
 
 @eqx.filter_jit
@@ -128,8 +129,8 @@ def deviation(
 ) -> Float[Array, ""]:
     """`sqrt(q^T inv(J^T J) q)` with the Jacobian J of the residuals and the gradient q.
 
-    Of a quantity whose gradient in the control points is given.  NaN where the solve did not
-    converge.
+    The standard deviation of a quantity whose gradient in the control points is given.  NaN where
+    the solve did not converge.
     """
     (slope,) = jax.vjp(lambda z: problem.field(z).control_points, z)[1](gradient)
     _, push = jax.linearize(problem.residuals, z)
@@ -143,5 +144,5 @@ def deviation(
     size = jnp.where(size == 0, 1, size)
     solver = lx.CG(0.0, TOLERANCE, norm=optx.two_norm, max_steps=max_steps)
     solution = lx.linear_solve(operator, slope / size, solver, throw=False)
-    found = largest * jnp.sqrt(size * jnp.sum(slope * solution.value))
-    return jnp.where(solution.result == lx.RESULTS.successful, found, jnp.nan)
+    value = largest * jnp.sqrt(size * jnp.sum(slope * solution.value))
+    return jnp.where(solution.result == lx.RESULTS.successful, value, jnp.nan)

@@ -37,7 +37,7 @@ main(*json.loads(sys.argv[2]))
 
 
 def read_isolated(module: str, reader: str, path: Path, key: str | None) -> Grid:
-    """What ``reader(path, key)`` of a module of this package returns, read by a child process.
+    """Result of ``reader(path, key)`` of a module of this package, read by a child process.
 
     Raises
     ------

@@ -4,13 +4,27 @@ import contextlib
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from .._support.errors import InputError, one_line
 
 # What a folder that may be replaced holds: the metadata of a Zarr array or group.
 _ZARR = ("zarr.json", ".zgroup", ".zarray")
+
+
+def known_suffix(path: str | os.PathLike[str], known: Iterable[str]) -> str:
+    """The ending of the name, in lower case, with the dot.
+
+    Raises
+    ------
+    InputError
+        It is none of the `known` ones.
+    """
+    suffix, suffixes = Path(path).suffix.lower(), tuple(known)
+    if suffix not in suffixes:
+        raise InputError(f"{path}: the name must end in {', '.join(suffixes)}")
+    return suffix
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:
@@ -79,9 +93,9 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         with in_one_line(path):
             yield partial
-            for each in partial.rglob("*"):
-                if each.is_file():
-                    flush(each)
+            for file in partial.rglob("*"):
+                if file.is_file():
+                    flush(file)
             if target.exists():
                 os.rename(target, old)
             os.rename(partial, target)
@@ -108,13 +122,13 @@ def replacing_pair(path: str | os.PathLike[str], suffix: str) -> Iterator[Path]:
             header = partial / target.name
             yield header
             pair = (header.with_suffix(suffix), header)
-            for each in pair:
-                if (target.parent / each.name).exists():
-                    shutil.copymode(target.parent / each.name, each)
-                flush(each)
+            for file in pair:
+                if (target.parent / file.name).exists():
+                    shutil.copymode(target.parent / file.name, file)
+                flush(file)
             target.unlink(missing_ok=True)
-            for each in pair:
-                os.replace(each, target.parent / each.name)
+            for file in pair:
+                os.replace(file, target.parent / file.name)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 
@@ -130,7 +144,7 @@ def check_parent(path: str | os.PathLike[str]) -> None:
 
 
 def _target(path: str | os.PathLike[str]) -> Path:
-    """What `path` names; refuses names that the system does, such as too long ones."""
+    """The real path; refuses names that the system refuses, such as too long ones."""
     target = Path(os.path.realpath(path))
     with in_one_line(path), contextlib.suppress(FileNotFoundError, NotADirectoryError):
         os.stat(target)
@@ -147,8 +161,8 @@ def in_one_line(path: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        said = error.strerror or one_line(error)
-        raise InputError(f"{path}: cannot be written ({said})") from error
+        reason = error.strerror or one_line(error)
+        raise InputError(f"{path}: cannot be written ({reason})") from error
 
 
 def flush(path: Path) -> None:

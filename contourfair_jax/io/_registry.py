@@ -54,8 +54,8 @@ def read(path: str | os.PathLike[str], key: str | int | None = None) -> Grid:
     if not os.path.exists(source):  # false for names that the system refuses, too
         raise InputError(f"{path}: there is no such file")
     if source.is_dir() != chosen.folder:
-        found, wanted = ("file", "folder") if chosen.folder else ("folder", "file")
-        raise InputError(f"{path}: is a {found}, not a {wanted}")
+        actual, wanted = ("file", "folder") if chosen.folder else ("folder", "file")
+        raise InputError(f"{path}: is a {actual}, not a {wanted}")
     if not (chosen.folder or source.is_file()):
         raise InputError(f"{path}: is not a regular file")
     try:
@@ -178,11 +178,11 @@ def _replacing(
 
 def _format(path: str | os.PathLike[str], wanted: str) -> Format:
     name = os.path.basename(os.path.normpath(path)).lower()
-    usable = [each for each in FORMATS if getattr(each, wanted)]
+    usable = [row for row in FORMATS if getattr(row, wanted)]
     fitting = [
-        (len(suffix), each)
-        for each in usable
-        for suffix in each.suffixes
+        (len(suffix), row)
+        for row in usable
+        for suffix in row.suffixes
         if name.endswith(suffix) and name != suffix
     ]
     if not fitting and wanted == "reader" and os.path.isdir(path):
@@ -190,7 +190,7 @@ def _format(path: str | os.PathLike[str], wanted: str) -> Format:
     if not fitting and wanted == "reader" and name.endswith(_PACKED):
         raise InputError(f"{path}: is compressed as a whole; unpack it and read what is in it")
     if not fitting:
-        known = ", ".join(suffix for each in usable for suffix in each.suffixes)
+        known = ", ".join(suffix for row in usable for suffix in row.suffixes)
         verb = _VERBS[wanted]
         raise InputError(f"{path}: files of this name are not {verb}; known suffixes: {known}")
     return max(fitting, key=lambda pair: pair[0])[1]

@@ -3,11 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 from .._grid.grid import Grid
-from .._support.errors import MissingPackageError
+from .._support.errors import needed
 from ._isolate import read_isolated
 
 
@@ -28,11 +27,7 @@ class Outside:
 
     def check(self, doing: str) -> None:
         """Refuse where one of the packages is missing; `doing` starts the message."""
-        absent = [name for name in self.packages if not find_spec(name)]
-        if absent:
-            raise MissingPackageError(
-                f"{doing} needs {', '.join(absent)}: pip install 'contourfair-jax[{self.extra}]'"
-            )
+        needed(self.packages, self.extra, doing)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ._tiling import Tiling
 
 @dataclass(frozen=True)
 class _Task:
-    """What all tiles of an array share."""
+    """The tiling, method and types that all tiles of an array share."""
 
     tiling: Tiling
     method: AbstractFairing
@@ -70,5 +70,5 @@ def each_member(samples: Any, ndim: int, refine: Any) -> Any:
     if 0 in batch:
         like = refine(da.zeros(samples.shape[len(batch) :], samples.dtype))
         return da.zeros((*batch, *like.shape), like.dtype)
-    made = [refine(samples[index]) for index in itertools.product(*map(range, batch))]
-    return da.stack(made).reshape(*batch, *made[0].shape) if batch else made[0]
+    members = [refine(samples[index]) for index in itertools.product(*map(range, batch))]
+    return da.stack(members).reshape(*batch, *members[0].shape) if batch else members[0]

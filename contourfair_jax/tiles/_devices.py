@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._fair import settings_as_arrays
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._support import checks
 from .._support.arrays import is_traced
@@ -75,7 +75,7 @@ def refine_sharded(
             f"mesh must have at most {values.ndim} axes for these values, got {mesh.axis_names}"
         )
     mesh, values = _automatic(mesh, values)
-    method = LocalFairing() if method is None else method
+    method = chosen_method(method)
     tiling = tiling_of(method, values.shape, factors)
     method = settings_as_arrays(tile_method(method.prepare(values)), values.dtype)
     return _refine(tiling, mesh, method, values, jnp.asarray(steps, values.dtype))
@@ -94,7 +94,7 @@ def _automatic(mesh: Mesh, values: Array) -> tuple[Mesh, Array]:
 
 
 class _Part(NamedTuple):
-    """What one device holds of an axis.
+    """The part of an axis that one device holds.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def _with_rim(samples: Array, axis: int, part: _Part) -> Array:
 
 def _beside(samples: Array, axis: int, part: _Part, count: int, step: int) -> Array:
     """The `count` samples before (`step` 1) or behind (-1) the part."""
-    found = []
+    pieces = []
     for hop in range(1, math.ceil(count / part.size) + 1):
         taken = min(part.size, count - (hop - 1) * part.size)
         kept = slice(part.size - taken, None) if step > 0 else slice(taken)
@@ -220,7 +220,7 @@ def _beside(samples: Array, axis: int, part: _Part, count: int, step: int) -> Ar
             if 0 <= device + step * hop < part.devices
         ]
         if pairs:
-            found.append(jax.lax.ppermute(piece, part.name, pairs))
+            pieces.append(jax.lax.ppermute(piece, part.name, pairs))
         else:
-            found.append(jnp.zeros_like(piece))
-    return jnp.concatenate(found[::-1] if step > 0 else found, axis=axis)
+            pieces.append(jnp.zeros_like(piece))
+    return jnp.concatenate(pieces[::-1] if step > 0 else pieces, axis=axis)

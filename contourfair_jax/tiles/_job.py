@@ -92,14 +92,14 @@ def affordable(
     """
     if memory is None:
         return workers
-    each = _PROCESS_BYTES + tile_bytes(tiling, dtype.itemsize)
-    if memory < each:
+    share = _PROCESS_BYTES + tile_bytes(tiling, dtype.itemsize)
+    if memory < share:
         raise InputError(
-            f"memory must be at least {describe_bytes(each)} ({each} bytes) for tiles of this "
+            f"memory must be at least {describe_bytes(share)} ({share} bytes) for tiles of this "
             f"method and factor, got {memory} bytes"
         )
     # More than one worker are processes of their own, beside this one.
-    fit = (memory - _PROCESS_BYTES) // each
+    fit = (memory - _PROCESS_BYTES) // share
     return max(1, min(workers, fit)) if isinstance(workers, int) else workers
 
 
@@ -112,7 +112,7 @@ def _size(path: Path) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What a run did.
+    """The outcome of a run.
 
     Parameters
     ----------
@@ -226,11 +226,11 @@ def run_job(
                 f"{state.target}: an unfinished run is in {state.folder}; resume it, or delete "
                 "that folder to start afresh"
             )
-        found = survey(job.source.open(), job.dtype)
-        if found.missing == math.prod(job.tiling.shape):
+        surveyed = survey(job.source.open(), job.dtype)
+        if surveyed.missing == math.prod(job.tiling.shape):
             raise InputError("every sample is missing, so there is nothing to fair")
-        cut = _cut_tiles(job) if found.missing else 0
-        settings = settings_of(job, finer, found.digest)
+        cut = _cut_tiles(job) if surveyed.missing else 0
+        settings = settings_of(job, finer, surveyed.digest)
         if state.started:
             state.compare(settings)
         else:
@@ -238,7 +238,7 @@ def run_job(
         tiles = len(job.tiling)
         resumed = int(np.count_nonzero(state.states(tiles)))
         with _kept(state):
-            _run_rest(_shared(job, state, workers, found.missing), state, workers, progress)
+            _run_rest(_shared(job, state, workers, surveyed.missing), state, workers, progress)
         failed = int(np.count_nonzero(state.states(tiles) == UNCONVERGED))
         missing = state.missing(tiles)
         with in_one_line(state.target):
@@ -257,11 +257,11 @@ def run_job(
             UserWarning,
             stacklevel=3,
         )
-    return Outcome(job.tiling.fine_shape, tiles, resumed, failed, found.missing, missing, cut)
+    return Outcome(job.tiling.fine_shape, tiles, resumed, failed, surveyed.missing, missing, cut)
 
 
 def _cut_tiles(job: Job) -> int:
-    """How many tiles have gaps that reach too far beyond them; refused where they are filled."""
+    """Number of tiles with gaps that reach too far beyond them; refused where they are filled."""
     if not isinstance(job.method, GlobalFairing):
         return 0
     array = job.source.open()
@@ -276,7 +276,7 @@ def _cut_tiles(job: Job) -> int:
 
 
 def settings_of(job: Job, finer: Grid, digest: str) -> dict[str, Any]:
-    """What a result depends on, to the last bit, by names for messages.
+    """Settings that a result depends on, to the last bit, by names for messages.
 
     Parameters
     ----------

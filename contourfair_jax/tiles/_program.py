@@ -22,7 +22,7 @@ from ._tiling import Tiling
 
 
 class Overlap(NamedTuple):
-    """How far a method looks.
+    """The overlap of tiles that a method needs, and their size.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class Program:
     ) -> None:
         self._fill = fill
         self._dtype = np.dtype(dtype)
-        with self._precision():
+        with self._float_width():
             self._method = settings_as_arrays(tile_method(method), self._dtype)
             self._spacing = jnp.asarray(np.array(spacing), self._dtype)
 
@@ -157,7 +157,7 @@ class Program:
         """The refined window, and whether the method converged; a block of gaps stays one."""
         if np.isnan(block).all():
             return np.full(tiling.fine_window, np.nan, self._dtype), True
-        with self._precision():
+        with self._float_width():
             samples = jnp.asarray(block, self._dtype)
             values, converged = _compiled(
                 self._method.prepare(samples),
@@ -170,7 +170,7 @@ class Program:
             )
             return np.asarray(values), bool(converged)
 
-    def _precision(self) -> Any:
+    def _float_width(self) -> Any:
         return jax.enable_x64(self._dtype == np.float64)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._grid.grid import Grid, exact_float
 from .._support import checks
@@ -159,5 +159,5 @@ def _planned(
         steps = checks.check_per_axis(spacing, grid.ndim, "spacing", positive=True)
         grid = replace(grid, spacing=tuple(np.asarray(steps).tolist()))
     computed = np.dtype(np.float64) if dtype is None else stored
-    method = LocalFairing() if method is None else method
+    method = chosen_method(method)
     return plan_job(grid, source, factors, method, computed, stored, fill), grid

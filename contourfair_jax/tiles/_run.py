@@ -86,7 +86,7 @@ class Worker:
 
 
 class Stored(NamedTuple):
-    """What is said of a tile that is stored: whether the method converged, and missing samples."""
+    """State of a tile that is stored: whether the method converged, and missing samples."""
 
     converged: bool
     missing: int

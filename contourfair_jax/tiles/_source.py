@@ -1,4 +1,4 @@
-"""Where the samples of tiles come from: arrays that slice, and how a worker opens them again."""
+"""Sources of the samples of tiles: arrays that slice, and how a worker opens them again."""
 
 import hashlib
 import math
@@ -129,7 +129,7 @@ Source = MappedFile | ZarrMember | Held
 
 
 def source_of(given: Any) -> Source:
-    """How to open `given`: the path of a ``.npy`` file or a Zarr array, or anything that slices.
+    """The source for `given`: the path of a ``.npy`` file or a Zarr array, or anything that slices.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def source_of(given: Any) -> Source:
 
 
 def source_at(path: Path, key: str | None = None) -> Source:
-    """How to open a ``.npy`` file, or the array `key` of a Zarr folder.
+    """The source for a ``.npy`` file, or for the array `key` of a Zarr folder.
 
     Raises
     ------
@@ -187,27 +187,27 @@ def is_shared(source: Source) -> bool:
 
 
 def read_block(array: Any, block: Slices, dtype: np.dtype) -> np.ndarray:
-    """Samples of a block in the precision to compute in; masked and infinite ones are NaN."""
-    values = _in_precision(unmasked(array[block]), dtype)
+    """Samples of a block in the type to compute in; masked and infinite ones are NaN."""
+    values = _as_floats(unmasked(array[block]), dtype)
     values[~np.isfinite(values)] = np.nan
     return values
 
 
-def _in_precision(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
+def _as_floats(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """A copy in `dtype`; what is too large for it becomes infinite, and is counted as missing."""
     with np.errstate(over="ignore"):
         return values.astype(dtype)
 
 
 class Survey(NamedTuple):
-    """What all samples together are.
+    """A summary of all samples.
 
     Parameters
     ----------
     digest
-        A hash of them and of what is masked, whatever the chunks.
+        A hash of the samples and the mask, whatever the chunks.
     missing
-        How many are masked, or not finite in the precision to compute in.
+        Number of samples that are masked, or not finite in the type to compute in.
     """
 
     digest: str
@@ -224,7 +224,7 @@ def survey(array: Any, dtype: np.dtype) -> Survey:
         gone = np.ma.getmaskarray(read) if np.ma.is_masked(read) else np.zeros((), bool)
         masked.update((np.flatnonzero(gone) + done).astype("<i8").data)
         if values.dtype.kind == "f":
-            gone = gone | ~np.isfinite(_in_precision(values, dtype))
+            gone = gone | ~np.isfinite(_as_floats(values, dtype))
         missing += int(np.count_nonzero(gone))
         done += values.size
     if masked.digest() != hashlib.blake2b(digest_size=16).digest():

@@ -111,7 +111,7 @@ class Unfinished:
         return self._read(self._done, _STATE, tiles, UNCONVERGED)
 
     def missing(self, tiles: int) -> int:
-        """How many samples of the output are missing, in the tiles that are done."""
+        """Number of missing samples of the output, in the tiles that are done."""
         return int(self._read(self._missing, _COUNT, tiles, np.iinfo(_COUNT).max).sum())
 
     def _read(self, path: Path, kind: np.dtype, tiles: int, most: int) -> np.ndarray:

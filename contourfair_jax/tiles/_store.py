@@ -1,4 +1,4 @@
-"""Where refined tiles go: a Zarr array or a ``.npy`` file, written region by region.
+"""Stores of refined tiles: a Zarr array or a ``.npy`` file, written region by region.
 
 Writers are safe against being killed: a tile that was not finished is written again as a whole.
 Nothing is mapped to memory, for a full disk would then end the process instead of raising.
@@ -15,6 +15,7 @@ import numpy as np
 
 from .._grid.grid import Grid
 from .._support.errors import InputError
+from ..io._outputs import known_suffix
 from ..io.formats.npy import read_header
 from ._tiling import Slices, Tiling
 
@@ -135,8 +136,8 @@ class ZarrStore:
 
     def sweep(self) -> None:
         """Remove what writers that were killed left behind."""
-        for each in self.path.rglob("*.partial"):
-            each.unlink(missing_ok=True)
+        for partial in self.path.rglob("*.partial"):
+            partial.unlink(missing_ok=True)
 
 
 class ZarrWriter:
@@ -155,6 +156,8 @@ class ZarrWriter:
 
 
 Store = NpyStore | ZarrStore
+# Endings of the names of what is written tile by tile.
+STORES = (".zarr", ".npy")
 
 
 def store_for(target: Path, path: Path, tiling: Tiling, finer: Grid) -> Store:
@@ -173,11 +176,9 @@ def store_for(target: Path, path: Path, tiling: Tiling, finer: Grid) -> Store:
     InputError
         The name ends in neither ``.zarr`` nor ``.npy``.
     """
-    kind, shape, dtype = target.suffix.lower(), tiling.fine_shape, finer.values.dtype
-    if kind == ".npy":
+    shape, dtype = tiling.fine_shape, finer.values.dtype
+    if known_suffix(target, STORES) == ".npy":
         return NpyStore(path, shape, dtype)
-    if kind != ".zarr":
-        raise InputError(f"{target}: tiles are written to names that end in .zarr or .npy")
     from ..io.formats.zarr import outline_of_group
 
     beside, member, names, attributes = outline_of_group(finer)

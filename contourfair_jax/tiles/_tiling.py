@@ -1,4 +1,4 @@
-"""How a grid is cut into tiles: by its shape, the factor and the method alone.
+"""Division of a grid into tiles: by its shape, the factor and the method alone.
 
 Tiles are counted from the first sample, T cells along each axis.  Every tile is computed from a
 block of the same shape, T cells and a halo on both sides; blocks that would reach over the end of

@@ -7,9 +7,10 @@ from typing import Any, TypeVar
 
 import jax
 import numpy as np
+import xarray as xr
 
 from .._fair import fair_field
-from .._fairing.local_fairing.method import LocalFairing
+from .._fairing.default import chosen_method
 from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._grid.grid import exact_float
@@ -18,13 +19,6 @@ from .._resample import one_turn
 from .._support.checks import Scalar, check_factors
 from ..contours import Contours, contours
 from ._axes import Axis, axes_of, refined_coordinates, untouched_coordinates
-
-try:
-    import xarray as xr
-except ImportError as error:
-    message = "contourfair_jax.xarray needs xarray: pip install 'contourfair-jax[xarray]'"
-    raise ImportError(message) from error
-
 
 Result = TypeVar("Result")
 
@@ -136,7 +130,7 @@ class FairAccessor:
         targets = [_target(array, axis, wanted.get(axis.dim, axis.coordinate)) for axis in axes]
         spread = xr.broadcast(*targets)
         points = np.stack(
-            [axis.local(each.to_numpy()) for axis, each in zip(axes, spread, strict=True)], -1
+            [axis.local(target.to_numpy()) for axis, target in zip(axes, spread, strict=True)], -1
         )
 
         def evaluate(field: BezierField) -> np.ndarray:
@@ -144,14 +138,14 @@ class FairAccessor:
 
         values = _of_each(array, axes, method, evaluate)
         batch = array.dims[: array.ndim - len(axes)]
-        found = xr.DataArray(
+        interpolated = xr.DataArray(
             values, dims=(*batch, *spread[0].dims), name=array.name, attrs=array.attrs
         )
         along = {axis.dim: target.dims for axis, target in zip(axes, targets, strict=True)}
         order = [new for dim in self._array.dims for new in along.get(dim, (dim,))]
-        found = found.transpose(*dict.fromkeys(order))
-        new = {each.name: each for each in targets if each.name in array.coords}
-        return found.assign_coords({**untouched_coordinates(array, axes), **new})
+        interpolated = interpolated.transpose(*dict.fromkeys(order))
+        new = {target.name: target for target in targets if target.name in array.coords}
+        return interpolated.assign_coords({**untouched_coordinates(array, axes), **new})
 
     def contours(
         self,
@@ -176,12 +170,12 @@ class FairAccessor:
                 "choose from the others with isel"
             )
         array, axes = self._prepared(self._array.dims, periodic)
-        found = _with_field(
+        traced = _with_field(
             array.to_numpy(), axes, method, lambda field: contours(field, levels, tolerance)
         )
         starts = np.array([axis.start for axis in axes])
-        lines = tuple(replace(line, points=line.points + starts) for line in found.lines)
-        return replace(found, lines=lines)
+        lines = tuple(replace(line, points=line.points + starts) for line in traced.lines)
+        return replace(traced, lines=lines)
 
     def _prepared(
         self,
@@ -207,18 +201,18 @@ def _of_each(
     method: AbstractFairing | None,
     use: Callable[[BezierField], np.ndarray],
 ) -> np.ndarray:
-    """What `use` makes of the field of every member of the batch."""
+    """Results of `use` for the fields of all members of the batch, stacked."""
     values = array.to_numpy()
     batch = values.shape[: values.ndim - len(axes)]
     members = values.reshape(math.prod(batch), *values.shape[len(batch) :])
     # No members have a shape too, which that of one tells.
     like = members if len(members) else np.zeros((1, *members.shape[1:]), values.dtype)
-    made = np.stack([_with_field(member, axes, method, use) for member in like])
-    return made[: len(members)].reshape((*batch, *made.shape[1:]))
+    results = np.stack([_with_field(member, axes, method, use) for member in like])
+    return results[: len(members)].reshape((*batch, *results.shape[1:]))
 
 
 def _factors(factor: int | Mapping[Any, int], axes: tuple[Axis, ...]) -> tuple[int, ...]:
-    """How many times finer along each axis."""
+    """The factor of every axis, from one number or from a mapping by dimension."""
     known = [axis.dim for axis in axes]
     if not isinstance(factor, Mapping):
         return check_factors(factor, len(axes))
@@ -238,7 +232,7 @@ def _refined_lazily(
 
     samples, leading = array.data, array.ndim - len(axes)
     steps = [abs(axis.step) for axis in axes]
-    method = LocalFairing() if method is None else method
+    method = chosen_method(method)
 
     def refine(member: Any) -> Any:
         for k, axis in enumerate(axes):
@@ -263,7 +257,7 @@ def _with_field(
     method: AbstractFairing | None,
     use: Callable[[BezierField], Result],
 ) -> Result:
-    """What `use` makes of the field, whose coordinates ascend from zero through one turn."""
+    """Result of `use` for the field, whose coordinates ascend from zero through one turn."""
     dtype = exact_float(values.dtype)
     values = np.ascontiguousarray(values, dtype)
     for k, axis in enumerate(axes):

@@ -126,9 +126,9 @@ def untouched_coordinates(
     """The coordinates that do not vary along the axes."""
     along = {axis.dim for axis in axes}
     return {
-        name: each.reset_coords(drop=True)
-        for name, each in array.coords.items()
-        if not along & set(each.dims)
+        name: coordinate.reset_coords(drop=True)
+        for name, coordinate in array.coords.items()
+        if not along & set(coordinate.dims)
     }
 
 
@@ -136,21 +136,25 @@ def refined_coordinates(
     array: xr.DataArray, axes: Sequence[Axis], factors: Sequence[int]
 ) -> dict[Hashable, Any]:
     """All coordinates on the finer grid; those that are no real numbers are left out."""
-    found: dict[Hashable, Any] = dict(untouched_coordinates(array, axes))
+    refined: dict[Hashable, Any] = dict(untouched_coordinates(array, axes))
     for axis, factor in zip(axes, factors, strict=True):
         if axis.dim in array.coords:
             attributes = array.coords[axis.dim].attrs
-            found[axis.dim] = (axis.dim, axis.refined(factor), attributes)
+            refined[axis.dim] = (axis.dim, axis.refined(factor), attributes)
     around = {axis.dim for axis in axes if axis.periodic}
-    for name, each in array.coords.items():
-        numbers = each.dtype.kind == "f" and name not in found and not around & set(each.dims)
-        if numbers and not _jumps(each):
-            values = each.to_numpy()
+    for name, coordinate in array.coords.items():
+        numbers = (
+            coordinate.dtype.kind == "f"
+            and name not in refined
+            and not around & set(coordinate.dims)
+        )
+        if numbers and not _jumps(coordinate):
+            values = coordinate.to_numpy()
             for axis, factor in zip(axes, factors, strict=True):
-                if axis.dim in each.dims:
-                    values = refine_axis_linearly(values, each.dims.index(axis.dim), factor)
-            found[name] = (each.dims, values, each.attrs)
-    return found
+                if axis.dim in coordinate.dims:
+                    values = refine_axis_linearly(values, coordinate.dims.index(axis.dim), factor)
+            refined[name] = (coordinate.dims, values, coordinate.attrs)
+    return refined
 
 
 def _jumps(coordinate: xr.DataArray) -> bool:

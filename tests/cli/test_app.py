@@ -963,7 +963,7 @@ sys.exit(f"loaded {loaded}" if loaded else 0)
 
 
 def test_help_loads_no_heavy_package():
-    folder = os.path.dirname(cli.__file__)
+    folder = os.path.dirname(os.path.dirname(cli.__file__))
     done = subprocess.run(
         [sys.executable, "-c", HELP_WITHOUT_ENGINE, folder], capture_output=True, text=True
     )

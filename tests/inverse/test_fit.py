@@ -206,6 +206,17 @@ def test_start_and_progress(values_fit, capsys):
     np.testing.assert_allclose(found.samples, values_fit.samples, atol=1e-4)
 
 
+def test_progress_is_told_as_by_all_long_calls():
+    points, values = scattered()
+    calls = []
+    found = fit(
+        Values(points, values, 0.01),
+        optimiser=GaussNewton(max_steps=20),
+        progress=lambda done, total: calls.append((done, total)),
+    )
+    assert sorted(calls) == [(step, 20) for step in range(int(found.steps) + 1)]
+
+
 # Kinds of data ---------------------------------------------------------------------------
 
 

@@ -1,11 +1,11 @@
 """Every format: round trips, geometry, missing samples, and every bad file in one line."""
 
-import importlib.util
 import io as streams
 import json
 import os
 import pickle
 import stat
+import sys
 import zipfile
 
 import numpy as np
@@ -532,11 +532,7 @@ def test_a_file_named_tif_is_never_opened_as_another_format(tmp_path):
 
 def test_without_rasterio_plain_images_work_and_geotiff_names_the_extra(tmp_path, monkeypatch):
     raster(tmp_path / "in.tif", terrain())
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        "contourfair_jax.io.formats.tiff.find_spec",
-        lambda name: None if name == "rasterio" else found(name),
-    )
+    monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(MissingPackageError, match=r"pip install 'contourfair-jax\[geotiff\]'"):
         read(tmp_path / "in.tif")
     with pytest.raises(MissingPackageError, match="writing GeoTIFF needs rasterio"):

@@ -34,6 +34,13 @@ SHAPE = (31, 42)
 WORKER = Path(tile_worker.__file__)
 
 
+class Other(cf.AbstractFairing):
+    """A method of which no overlap of tiles is known."""
+
+    def fit(self, values, spacing):
+        raise NotImplementedError
+
+
 @pytest.fixture(autouse=True)
 def small_tiles(monkeypatch):
     """Tiles of 8 x 8 or 4 x 4 x 4 cells."""
@@ -235,8 +242,12 @@ def test_gaps_that_tiles_cannot_fill(tmp_path, capsys):
             {"method": cf.GlobalFairing(border_degree=4)},
             "method.border_degree continues every tile",
         ),
-        ({"method": "local"}, "method must be one of LocalFairing"),
-        ({"target": "fine.tif"}, "names that end in .zarr or .npy"),
+        ({"method": "local"}, r"method must be an object such as LocalFairing\(\), got 'local'"),
+        (
+            {"method": Other()},
+            r"must be one of LocalFairing\(\), GlobalFairing\(\) for tiles",
+        ),
+        ({"target": "fine.tif"}, "the name must end in .zarr, .npy"),
         ({"target": "absent/fine.npy"}, "there is no folder"),
         ({"source": "absent.npy"}, "there is no such file"),
     ],

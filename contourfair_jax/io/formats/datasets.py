@@ -94,13 +94,15 @@ def _is_curvilinear(coordinate: xr.DataArray) -> bool:
 def _uneven_beside(array: xr.DataArray) -> tuple[str, ...]:
     """Notes about axes that only count, such as model levels, where what they count is uneven."""
     notes: tuple[str, ...] = ()
-    for name, each in array.coords.items():
-        beside = each.ndim == 1 and name not in array.dims and "positive" in each.attrs
-        if beside and each.dims[0] in array.dims and each.dtype.kind in "iuf":
+    for name, coordinate in array.coords.items():
+        beside = coordinate.ndim == 1 and name not in array.dims and "positive" in coordinate.attrs
+        if beside and coordinate.dims[0] in array.dims and coordinate.dtype.kind in "iuf":
             try:
-                affine_from_axes([each.to_numpy()], [str(name)])
+                affine_from_axes([coordinate.to_numpy()], [str(name)])
             except InputError:
-                notes += (f"{name} is not evenly spaced: {each.dims[0]} counts as the distance",)
+                notes += (
+                    f"{name} is not evenly spaced: {coordinate.dims[0]} counts as the distance",
+                )
     return notes
 
 
@@ -296,8 +298,8 @@ def _nodata(array: xr.DataArray) -> float | int | None:
     for name in ("_FillValue", "missing_value"):
         value = array.encoding.get(name, array.attrs.get(name))
         if value is not None and np.size(value) == 1 and np.asarray(value).dtype.kind in "iuf":
-            found = np.asarray(value).reshape(()).item()
-            return None if np.isnan(found) else found
+            nodata = np.asarray(value).reshape(()).item()
+            return None if np.isnan(nodata) else nodata
     return None
 
 
@@ -320,30 +322,30 @@ def _metadata(data: xr.Dataset, array: xr.DataArray, crs: str | None) -> dict[st
     What the reference system says of an axis is left out: it is written again.
     """
     implied = axis_attributes(crs, [str(dim) for dim in array.dims])
-    found = {"name": str(array.name)}
-    found |= {str(k): _text(v) for k, v in array.attrs.items() if k not in _OWN}
+    metadata = {"name": str(array.name)}
+    metadata |= {str(k): _text(v) for k, v in array.attrs.items() if k not in _OWN}
     for dim in array.dims:
         if dim in array.coords:
             texts = {k: _text(v) for k, v in array.coords[dim].attrs.items() if k in _AXIS_TEXTS}
             known = implied.get(str(dim), {})
             if known.items() <= texts.items():
                 texts = {k: text for k, text in texts.items() if k not in known}
-            found |= {f"{dim}:{k}": text for k, text in texts.items()}
+            metadata |= {f"{dim}:{k}": text for k, text in texts.items()}
     for name in _places(array):
         units = array.coords[name].attrs.get("units", "")
-        found[f"at_{name}"] = f"{array.coords[name].item():.12g} {units}".strip()
+        metadata[f"at_{name}"] = f"{array.coords[name].item():.12g} {units}".strip()
     for name, value in data.attrs.items():
         if name != _CONVENTIONS:
-            found[name if name == "title" else f"{_GLOBAL}{name}"] = _text(value)
-    return found
+            metadata[name if name == "title" else f"{_GLOBAL}{name}"] = _text(value)
+    return metadata
 
 
 def _places(array: xr.DataArray) -> list[str]:
     """The coordinates that are one number, such as the time of a map."""
     return [
         str(name)
-        for name, each in array.coords.items()
-        if each.ndim == 0 and each.dtype.kind in "iuf" and _is_place(each)
+        for name, coordinate in array.coords.items()
+        if coordinate.ndim == 0 and coordinate.dtype.kind in "iuf" and _is_place(coordinate)
     ]
 
 

@@ -71,14 +71,14 @@ def _read_files(files: list[Path], key: str | None) -> Grid:
         raise InputError("is a series of images that do not lie behind one another")
     check_memory(8 * int(np.prod(shape, dtype=object)), f"a series of {shape} samples")
     slices = [_samples(pydicom.dcmread(file)) for file in files]
-    if any(len(each) != 1 for each in slices):
+    if any(len(samples) != 1 for samples in slices):
         raise InputError("is a series of volumes; read them one by one")
     return _grid(first, np.concatenate(slices), positions, select(key, SPATIAL, shape))
 
 
 def _left_out(folder: Path, files: list[Path]) -> tuple[str, ...]:
     """A note of what is read where that is not all that is in the folder."""
-    others = sum(each.is_file() for each in folder.iterdir()) - len(files)
+    others = sum(path.is_file() for path in folder.iterdir()) - len(files)
     if not others:
         return ()
     names = f"{files[0].name} alone is"
@@ -89,8 +89,8 @@ def _left_out(folder: Path, files: list[Path]) -> tuple[str, ...]:
 
 def _series(folder: Path) -> dict[str, tuple[str, list[Path]]]:
     """The series in a folder: what each is called, and its files."""
-    found: dict[str, tuple[str, list[Path]]] = {}
-    for file in sorted(each for each in folder.iterdir() if each.is_file()):
+    series: dict[str, tuple[str, list[Path]]] = {}
+    for file in sorted(path for path in folder.iterdir() if path.is_file()):
         try:
             head = pydicom.dcmread(file, stop_before_pixels=True)
         except InvalidDicomError:
@@ -100,8 +100,8 @@ def _series(folder: Path) -> dict[str, tuple[str, list[Path]]]:
         number = str(head.get("SeriesNumber") or head.get("SeriesInstanceUID", ""))
         uid = str(head.get("SeriesInstanceUID", ""))
         text = str(head.get("SeriesDescription", head.get("Modality", "")))
-        found.setdefault(uid, (f"{number} {text}".strip(), []))[1].append(file)
-    return found
+        series.setdefault(uid, (f"{number} {text}".strip(), []))[1].append(file)
+    return series
 
 
 def _choose(series: dict[str, tuple[str, list[Path]]], name: str) -> list[Path]:
@@ -195,18 +195,18 @@ def _step(positions: np.ndarray) -> np.ndarray:
 
 
 def _positions(image: Dataset) -> np.ndarray | None:
-    """Where the first sample of every frame lies; None where the file does not say."""
+    """Position of the first sample of every frame; None where the file does not say."""
     frames = int(image.get("NumberOfFrames") or 1)
     offsets = image.get("GridFrameOffsetVector")
     places = [_position(image, k) for k in range(frames)]
     if any(place is None for place in places):
         return None
-    found = np.array(places, np.float64)
+    positions = np.array(places, np.float64)
     if offsets is not None and len(offsets) == frames:
         across, down = np.split(_directions(image), 2)
-        return found + np.outer(np.asarray(offsets, np.float64), np.cross(across, down))
-    several = frames > 1 and not np.ptp(found, axis=0).any()
-    return None if several else found
+        return positions + np.outer(np.asarray(offsets, np.float64), np.cross(across, down))
+    several = frames > 1 and not np.ptp(positions, axis=0).any()
+    return None if several else positions
 
 
 def _position(image: Dataset, frame: int) -> Any:
@@ -226,9 +226,9 @@ def _spacing(image: Dataset) -> tuple[float, float]:
 
 def _thickness(image: Dataset) -> float:
     """The distance between slices, or else how thick one is; 1 where the file says neither."""
-    found = [_look(image, name, 0, None) for name in ("SpacingBetweenSlices", "SliceThickness")]
-    known = [abs(float(each)) for each in found if each is not None]
-    return next((each for each in known if each and np.isfinite(each)), 1.0)
+    given = [_look(image, name, 0, None) for name in ("SpacingBetweenSlices", "SliceThickness")]
+    known = [abs(float(distance)) for distance in given if distance is not None]
+    return next((distance for distance in known if distance and np.isfinite(distance)), 1.0)
 
 
 def _look(image: Dataset, name: str, frame: int, default: Any) -> Any:

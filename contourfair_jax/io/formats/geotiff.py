@@ -152,12 +152,12 @@ def write_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
 
 def _stored(grids: Sequence[Grid]) -> tuple[np.ndarray, float | int | None]:
     """Bands of one type, and the nodata value of them all: NaN where one value does not do."""
-    dtype = np.result_type(*(each.values for each in grids))
-    nodata = next((each.nodata for each in grids if each.nodata is not None), None)
-    alike = [replace(each, values=each.values.astype(dtype), nodata=nodata) for each in grids]
-    pairs = [restore_nodata(each) for each in alike]
+    dtype = np.result_type(*(grid.values for grid in grids))
+    nodata = next((grid.nodata for grid in grids if grid.nodata is not None), None)
+    alike = [replace(grid, values=grid.values.astype(dtype), nodata=nodata) for grid in grids]
+    pairs = [restore_nodata(grid) for grid in alike]
     if len({repr(value) for _, value in pairs}) > 1:
-        pairs = [restore_nodata(replace(each, nodata=np.nan)) for each in alike]
+        pairs = [restore_nodata(replace(grid, nodata=np.nan)) for grid in alike]
     return np.stack([values for values, _ in pairs]), pairs[0][1]
 
 
@@ -175,8 +175,8 @@ def corner_transform(affine: np.ndarray) -> Affine:
 
 
 def _names(source: rasterio.DatasetReader) -> tuple[str, ...]:
-    """What the bands are called: by their description, or by their colour, or not at all."""
-    colours = [each.name if each in _COLOURS else "" for each in source.colorinterp]
+    """Names of the bands: their descriptions, or their colours, or none."""
+    colours = [colour.name if colour in _COLOURS else "" for colour in source.colorinterp]
     return tuple(a or b for a, b in zip(source.descriptions, colours, strict=True))
 
 
@@ -203,7 +203,7 @@ def _crs(text: str) -> CRS:
 
 @contextmanager
 def _telling_damage() -> Iterator[None]:
-    """What the library refers to as its previous exception is the message."""
+    """The message of the exception that the library refers to as its previous one."""
     try:
         yield
     except RasterioIOError as error:

@@ -59,20 +59,20 @@ def write_png(path: Path, grid: Grid) -> tuple[str, ...]:
 
 def write_png_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
     """Store red, green, blue and perhaps alpha, 8 bits each; missing pixels are transparent."""
-    if len(grids) not in (3, 4) or any(each.source_dtype != np.uint8 for each in grids):
-        types = ", ".join(str(each.source_dtype) for each in grids)
+    if len(grids) not in (3, 4) or any(grid.source_dtype != np.uint8 for grid in grids):
+        types = ", ".join(str(grid.source_dtype) for grid in grids)
         raise InputError(
             f"a PNG holds 3 or 4 channels of 8 bits, the source has {len(grids)} ({types}); "
             "use .tif"
         )
-    quantised = [_quantised(each) for each in grids]
+    quantised = [_quantised(grid) for grid in grids]
     channels = [samples for samples, _ in quantised]
-    missing = np.any([each.missing for each in grids if each.missing is not None], axis=0)
+    missing = np.any([grid.missing for grid in grids if grid.missing is not None], axis=0)
     if missing.any():
         opaque = channels[3] if len(grids) == 4 else np.full(grids[0].shape, 255, np.uint8)
         channels[3:] = [np.where(missing, np.uint8(0), opaque)]
     Image.fromarray(np.stack(channels, axis=-1)).save(path, format="PNG")
-    notes = dict.fromkeys(note for _, each in quantised for note in each)
+    notes = dict.fromkeys(note for _, texts in quantised for note in texts)
     return (*notes, *_lost_geometry(grids[0], "a PNG", ".tif and .npz"))
 
 

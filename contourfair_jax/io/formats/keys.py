@@ -62,7 +62,7 @@ def describe_axes(axes: Sequence[str], shape: Sequence[int]) -> str:
 def _part(text: str, key: str) -> Part:
     if _NUMBER.match(text):
         return int(text)
-    if found := _RANGE.match(text):
-        start, stop = (None if end is None else int(end) for end in found.groups())
+    if limits := _RANGE.match(text):
+        start, stop = (None if end is None else int(end) for end in limits.groups())
         return slice(start, stop)
     raise InputError(f"key must look like name,axis=3 or name,axis=0:5, got {key!r}")

@@ -37,6 +37,8 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     """Store a compressed NetCDF-4 file of one variable with its coordinates."""
     data = dataset_from_grid(grid)
     small = {"zlib": True, "complevel": 4}
-    encoding = {name: {**each.encoding, **small} for name, each in data.items() if each.ndim}
+    encoding = {
+        name: {**variable.encoding, **small} for name, variable in data.items() if variable.ndim
+    }
     data.to_netcdf(os.fspath(path), engine="h5netcdf", encoding=encoding)
     return ()

@@ -59,9 +59,9 @@ def read(path: Path, key: str | None) -> Grid:
         **_described(header),
     }
     if placed:
-        codes, said = _codes(header)
+        codes, code_notes = _codes(header)
         metadata |= codes
-        notes += said
+        notes += code_notes
     if header.extensions:
         notes += (f"extensions of the header are left out: {len(header.extensions)}",)
     return volume_grid(
@@ -92,7 +92,7 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
 
 
 def _codes(header: Nifti1Header) -> tuple[dict[str, str], tuple[str, ...]]:
-    """What the two maps of a header refer to, and a note where only one of them can be kept."""
+    """Codes of the two maps of a header by name, and a note where only one map can be kept."""
     codes = {name: str(int(header[name])) for name in ("sform_code", "qform_code")}
     sform: Any = header.get_sform()
     qform: Any = header.get_qform()

@@ -7,7 +7,7 @@ from pathlib import Path
 from PIL import Image
 
 from ..._grid.grid import Grid
-from ..._support.errors import MissingPackageError
+from ..._support.errors import needed
 from . import image
 
 # ModelPixelScale, ModelTiepoint, ModelTransformation, GeoKeyDirectory, GDAL_METADATA, GDAL_NODATA
@@ -45,10 +45,7 @@ def write_bands(path: Path, grids: Sequence[Grid]) -> tuple[str, ...]:
 
 
 def _geotiff(doing: str):
-    if not find_spec("rasterio"):
-        raise MissingPackageError(
-            f"{doing} GeoTIFF needs rasterio: pip install 'contourfair-jax[geotiff]'"
-        )
+    needed("rasterio", "geotiff", f"{doing} GeoTIFF")
     from . import geotiff as module
 
     return module
@@ -62,5 +59,5 @@ def _kind(path: Path) -> str:
     except (Image.UnidentifiedImageError, Image.DecompressionBombError):
         return "unknown"
     beyond_grey = tags.get(_EXTRA, ()) if tags.get(_PHOTOMETRIC) in _GREY else ()
-    several = any(each not in _ALPHA for each in beyond_grey)
+    several = any(channel not in _ALPHA for channel in beyond_grey)
     return "geo" if several or _GEO_TAGS & set(tags) else "plain"

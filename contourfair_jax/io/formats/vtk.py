@@ -87,11 +87,11 @@ def read_legacy(path: Path, key: str | None) -> Grid:
 def _check_size(path: Path) -> None:
     """Refuse a legacy header that promises what the machine or the file cannot hold."""
     with open(path, "rb") as stream:
-        found = _DIMENSIONS.search(stream.read(_HEAD))
+        sizes = _DIMENSIONS.search(stream.read(_HEAD))
         present = os.fstat(stream.fileno()).st_size
-    if not found:
+    if not sizes:
         return  # VTK says what is wrong
-    shape = [int(n) for n in found.groups()]
+    shape = [int(n) for n in sizes.groups()]
     check_memory(8 * math.prod(shape), f"an array of shape {shape}")
     # A sample takes a bit at least, and there are fewer cells than points.
     if math.prod(max(n - 1, 1) for n in shape) > 8 * present:
@@ -165,21 +165,21 @@ class _Errors:
         vtkOutputWindow.SetInstance(self._window)
 
     def __exit__(self, kind, error, trace) -> None:
-        found = _SAID.findall(self._window.GetOutput() or "")
-        said = [text for kind, text in found if kind == "ERROR" or "error" in text.lower()]
+        messages = _SAID.findall(self._window.GetOutput() or "")
+        errors = [text for kind, text in messages if kind == "ERROR" or "error" in text.lower()]
         vtkOutputWindow.SetInstance(self._before)
-        if error is None and said:
-            raise InputError(f"is damaged or no image data ({said[0].strip()})")
+        if error is None and errors:
+            raise InputError(f"is damaged or no image data ({errors[0].strip()})")
 
 
 def _run(reader) -> vtkImageData:
     with _Errors():
         reader.Update()
-    found = reader.GetOutput()
-    if not isinstance(found, vtkImageData):
-        name = "nothing" if found is None else f"a {found.GetClassName()}"
+    image = reader.GetOutput()
+    if not isinstance(image, vtkImageData):
+        name = "nothing" if image is None else f"a {image.GetClassName()}"
         raise InputError(f"holds {name}; image data (structured points) is needed")
-    return found
+    return image
 
 
 def _grid(image: vtkImageData, key: str | None) -> Grid:
@@ -254,12 +254,12 @@ def _affine(image: vtkImageData, cells: int) -> np.ndarray:
 
 
 def _texts(data: vtkFieldData) -> dict[str, str]:
-    found = {}
+    texts = {}
     for name in _TEXTS:
         array = data.GetAbstractArray(name)
         if isinstance(array, vtkStringArray) and array.GetNumberOfValues() == 1:
-            found[name] = array.GetValue(0)
-    return found
+            texts[name] = array.GetValue(0)
+    return texts
 
 
 def _numbers(values: Iterable[float]) -> str:

@@ -35,8 +35,8 @@ _CODECS = frozenset(
 )
 
 
-class _Found(NamedTuple):
-    """What a key chooses: an array that says nothing of its axes, or else a group as xarray has it.
+class _Member(NamedTuple):
+    """The member that a key chooses: an array that says nothing of its axes, or else a group.
 
     `key` is what of the key is left for the array or the group, `path` where the group is.
     """
@@ -48,11 +48,11 @@ class _Found(NamedTuple):
 
 def read(path: Path, key: str | None) -> Grid:
     """A variable of a group, or the array."""
-    found = _find(path, key)
-    if found.array is not None:
-        return _read_array(found.array, found.key)
-    with _open_group(found.path) as data:
-        return grid_from_dataset(data, found.key)
+    member = _find(path, key)
+    if member.array is not None:
+        return _read_array(member.array, member.key)
+    with _open_group(member.path) as data:
+        return grid_from_dataset(data, member.key)
 
 
 def write(path: Path, grid: Grid) -> tuple[str, ...]:
@@ -60,7 +60,9 @@ def write(path: Path, grid: Grid) -> tuple[str, ...]:
     data = dataset_from_grid(grid)
     most = _CHUNK.get(grid.ndim, 64)
     chunks = {"chunks": tuple(min(n, most) for n in grid.shape)}
-    encoding = {name: {**each.encoding, **chunks} for name, each in data.items() if each.ndim}
+    encoding = {
+        name: {**variable.encoding, **chunks} for name, variable in data.items() if variable.ndim
+    }
     data.to_zarr(path, mode="w", zarr_format=3, consolidated=False, encoding=encoding)
     consolidate(path)
     return ()
@@ -92,7 +94,7 @@ def read_outline(path: Path, key: str | None) -> tuple[Grid, Any]:
 
 
 def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict[str, Any]]:
-    """What a group holds beside the samples of a grid, and their name, axes and attributes."""
+    """All of a group but the samples of a grid, and the name, axes and attributes of these."""
     data = dataset_from_grid(grid)
     name = next(each for each, array in data.items() if array.ndim)
     variable = data[name]
@@ -104,17 +106,17 @@ def outline_of_group(grid: Grid) -> tuple[xr.Dataset, str, tuple[str, ...], dict
     return data.drop_vars([name]), str(name), tuple(map(str, variable.dims)), attributes
 
 
-def _find(path: Path, key: str | None) -> _Found:
+def _find(path: Path, key: str | None) -> _Member:
     """The array or group that a key such as ``NAME,time=3`` or ``GROUP/NAME`` chooses from."""
     try:
-        return _Found(zarr.open_array(path, mode="r"), path, key)
+        return _Member(zarr.open_array(path, mode="r"), path, key)
     except _NO_ARRAY:
         group = zarr.open_group(path, mode="r", use_consolidated=False)
     first, _, parts = (key or "").partition(",")
     name, rest = ("", key) if "=" in first else (first.strip("/ "), parts or None)
     known = dict(group.arrays())
     if not name and any(_is_field(each) and not _is_plain(each) for each in known.values()):
-        return _Found(None, path, key)
+        return _Member(None, path, key)
     if name not in known:
         known = {
             each: array for each, array in group.members(None) if isinstance(array, zarr.Array)
@@ -125,15 +127,15 @@ def _find(path: Path, key: str | None) -> _Found:
     if not name:
         fields = [each for each, array in known.items() if _is_field(array)]
         if not fields:
-            return _Found(None, path, key)
+            return _Member(None, path, key)
         if len(fields) > 1:
             listed = ", ".join(fields)
             raise InputError(f"holds {len(fields)} fields, choose one with a key: {listed}")
         (name,) = fields
     if _is_plain(known[name]):
-        return _Found(known[name], path, rest)
+        return _Member(known[name], path, rest)
     inner, _, last = name.rpartition("/")
-    return _Found(None, path / inner, last + (f",{rest}" if rest else ""))
+    return _Member(None, path / inner, last + (f",{rest}" if rest else ""))
 
 
 def _is_field(array: zarr.Array) -> bool:
@@ -201,5 +203,5 @@ def _codec_names(tree: Any) -> Iterator[str]:
         yield from (str(tree[name]) for name in ("name", "id") if name in tree)
         tree = list(tree.values())
     if isinstance(tree, list | tuple):
-        for each in tree:
-            yield from _codec_names(each)
+        for branch in tree:
+            yield from _codec_names(branch)

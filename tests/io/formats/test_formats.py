@@ -23,7 +23,6 @@ from contourfair_jax.io import (
     InputError,
     MissingPackageError,
     _isolate,
-    _table,
     check_writable,
     read,
     write,
@@ -395,7 +394,8 @@ def test_a_child_that_cannot_start_is_one_line(tmp_path, monkeypatch):
 def test_a_missing_package_names_the_extra(tmp_path, monkeypatch, each):
     path = tmp_path / f"grid{each.suffixes[0]}"
     path.mkdir() if each.folder else path.write_bytes(b"")
-    monkeypatch.setattr(_table, "find_spec", lambda name: None)
+    for name in each.outside.packages:
+        monkeypatch.setitem(sys.modules, name, None)
     extra = each.outside.extra
     with pytest.raises(MissingPackageError, match=rf"needs .*contourfair-jax\[{extra}\]"):
         read(path)

@@ -10,7 +10,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ._bezier.evaluate import OUTSIDE, full_hessian, mean_curvature, partials
+from ._bezier.curvature import full_hessian, mean_curvature
+from ._bezier.evaluate import OUTSIDE, partials
 from ._bezier.nets import cell_extreme, refine_axis
 from ._fairing.method import FitReport
 from ._support import checks

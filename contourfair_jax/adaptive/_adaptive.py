@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import jax
 import numpy as np
 
-from .._bezier.bernstein import bernstein
 from .._bezier.host import HostField
 from .._bezier.nets import PlacedNet
+from .._bezier.subdivision import dyadic_parts
 from .._support.memory import check_memory
 from .._support.results import Progress, untold
 from ._tree import MOST_DEPTH, Tree, balance, split, whole
@@ -244,21 +244,7 @@ def _errors(host: HostField, corner: np.ndarray, depth: int, values: np.ndarray)
 def _leaf_nets(host: HostField, corner: np.ndarray, depth: int) -> np.ndarray:
     """Bezier points of leaves, shape (4, ..., 4, n)."""
     cell, offset = corner >> depth, corner & ((1 << depth) - 1)
-    nets = host.gather(cell)
-    parts = _parts(depth)
-    for axis in range(host.ndim):
-        rows = parts[offset[:, axis]]
-        p = np.moveaxis(nets, axis, 0)
-        nets = np.moveaxis(np.einsum("nab,b...n->a...n", rows, p), 0, axis)
-    return nets
-
-
-def _parts(depth: int) -> np.ndarray:
-    """Matrices from the points of a cubic to those of its `2**depth` parts: (parts, 4, 4)."""
-    count = 1 << depth
-    start = np.arange(count) / count
-    at = start[:, None] + np.arange(4) / (3 * count)
-    return np.linalg.inv(bernstein(3, np.arange(4) / 3)) @ bernstein(3, at)
+    return dyadic_parts(host.gather(cell), offset, depth)
 
 
 def _multilinear(corners: np.ndarray, at: np.ndarray) -> np.ndarray:

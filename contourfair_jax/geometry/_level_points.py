@@ -14,7 +14,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from .._bezier.evaluate import full_hessian, mean_curvature, partials
+from .._bezier.curvature import full_hessian, mean_curvature
+from .._bezier.evaluate import partials
 from .._bezier.nets import cell_extreme, is_flat
 from .._field import BezierField
 from .._support import checks

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._bezier.bernstein import bernstein_derivative, derivatives, quadrature
+from .._bezier.curvature import host_mean_curvature
 from .._bezier.host import known
 from .._field import BezierField
 
@@ -112,12 +113,12 @@ def _sums(field: BezierField, order: int) -> list[float]:
 
 def _slabs(field: BezierField, order: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Of slabs of cells, at Gauss points: |grad f| times their weight, and mean curvature."""
-    field = known(field)
+    field, ndim = known(field), field.ndim
     net, spacing = np.asarray(field.control_points), np.asarray(field.spacing, dtype=np.float64)
     cells = [n - 1 for n in field.shape]
     at, weights = quadrature(order)
     rows = [bernstein_derivative(k, at) for k in range(3)]
-    step = max(1, _POINTS // (order**field.ndim * math.prod(cells[1:])))
+    step = max(1, _POINTS // (order**ndim * math.prod(cells[1:])))
     for start in range(0, cells[0], step):
         part = net[3 * start : 3 * min(start + step, cells[0]) + 1].astype(np.float64)
         found: dict[tuple[int, ...], np.ndarray] = {(): part}
@@ -127,10 +128,14 @@ def _slabs(field: BezierField, order: int) -> Iterator[tuple[np.ndarray, np.ndar
                 for counts, values in found.items()
                 for k in range(3 - sum(counts))
             }
-        measure, bend = _shape(found, field.ndim)
+        gradient, second = (
+            [found[tuple(axes.count(k) for k in range(ndim))] for axes in derivatives(n, ndim)]
+            for n in (1, 2)
+        )
+        measure, bend = host_mean_curvature(gradient, second)
         for axis, length in enumerate(spacing):
             along = np.repeat(weights * length, measure.shape[axis] // order)
-            measure = measure * np.expand_dims(along, [k for k in range(field.ndim) if k != axis])
+            measure = measure * np.expand_dims(along, [k for k in range(ndim) if k != axis])
         yield measure, bend
 
 
@@ -143,22 +148,3 @@ def _sections(net: np.ndarray, axis: int, weights: np.ndarray) -> np.ndarray:
     fours = np.stack([p[:-1:3], p[1::3], p[2::3], p[3::3]])
     mixed = np.tensordot(weights, fours, 1)
     return np.moveaxis(mixed.reshape(-1, *p.shape[1:]), 0, axis)
-
-
-def _shape(found: dict[tuple[int, ...], np.ndarray], ndim: int) -> tuple[np.ndarray, np.ndarray]:
-    """|g| and `(tr H - n H n) / ((d - 1) |g|)`, from derivatives by their orders along the axes."""
-
-    def partial(*axes: int) -> np.ndarray:
-        return found[tuple(axes.count(k) for k in range(ndim))]
-
-    gradient = [partial(k) for k in range(ndim)]
-    squared = sum(g * g for g in gradient)
-    trace = sum(partial(k, k) for k in range(ndim))
-    along = sum(
-        (1 if a == b else 2) * partial(a, b) * gradient[a] * gradient[b]
-        for a, b in derivatives(2, ndim)
-    )
-    size = np.sqrt(squared)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bend = np.where(squared > 0, (trace - along / squared) / ((ndim - 1) * size), 0)
-    return size, bend

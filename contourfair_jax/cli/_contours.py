@@ -130,14 +130,14 @@ def _traced(
 def _store(target: Path, found: Contours | Bands, grid: Grid) -> tuple[str, ...]:
     """Store lines or bands, unless a picture is all that is asked for; notes on the file."""
     from ..contours import Bands
-    from ..export import write_bands, write_lines, write_svg
+    from ..export import write_filled, write_lines, write_svg
     from ..plot import level_colors
 
     suffix = target.suffix.lower()
     if suffix == ".png":
         return ()
     if isinstance(found, Bands):
-        return write_bands(target, found, grid)
+        return write_filled(target, found, grid)
     if suffix == ".svg":
         drawn = len({line.level for line in found})
         return write_svg(target, found, grid, level_colors(drawn))

@@ -134,7 +134,7 @@ def adaptive(
         check_suffix(plot, (".png",))
     recipe = Recipe.parse(method, iterations, thin_plate_weight, sigma, fill, single, periodic)
     with as_input():
-        check_error(tolerance)
+        check_error(tolerance, "tolerance")
     grid = load(source, key, target, recipe, say)
     check_fairable(grid)
     field = faired(grid, recipe, say)

@@ -107,9 +107,9 @@ def _sides(
         first = here & ~found
         chosen = jnp.where(first[..., None], cell, chosen)
         for axis in range(ndim):
+            # Away from faces both cells along an axis are one, and what one holds both do.
             across = holds[number ^ 2 ** (ndim - 1 - axis)]
-            on_face = (above != below)[..., axis]
-            ends[axis] = jnp.where(first, ~across & on_face, ends[axis])  # pyright: ignore
+            ends[axis] = jnp.where(first, ~across, ends[axis])
         found = found | here
     whole = functools.reduce(jnp.logical_and, holds)
     fixed = (found & ~whole)[..., None]

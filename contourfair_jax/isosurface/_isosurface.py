@@ -10,7 +10,7 @@ from .._bezier.nets import PlacedNet
 from .._level_sets import check_levels, check_tolerance, rounding_note, values_of
 from .._support.results import Progress, untold
 from ._lattice import surface_of
-from ._mesh import across, edges_of
+from ._mesh import edges_of, open_edges, triangle_normals
 from ._refine import split
 
 
@@ -62,12 +62,17 @@ class Isosurface:
     @property
     def area(self) -> float:
         """Area of the triangles, in squared units of the coordinates."""
-        return 0.5 * float(np.linalg.norm(across(self.vertices, self.triangles), axis=1).sum())
+        return 0.5 * float(
+            np.linalg.norm(triangle_normals(self.vertices, self.triangles), axis=1).sum()
+        )
 
     @property
     def watertight(self) -> bool:
-        """Whether every edge has two triangles, so that the surface has no border."""
-        return bool((edges_of(self.triangles).faces == 2).all())
+        """Whether the surface is closed: without a border, all around what it encloses.
+
+        Its triangles then pass along every edge as often in one direction as in the other.
+        """
+        return open_edges(self.triangles) == 0
 
     @property
     def volume(self) -> float:
@@ -219,7 +224,7 @@ def _filled(normals: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) ->
     if not len(missing):
         return normals
     sums = np.zeros_like(normals)
-    np.add.at(sums, triangles, across(vertices, triangles)[:, None])
+    np.add.at(sums, triangles, triangle_normals(vertices, triangles)[:, None])
     size = np.linalg.norm(sums[missing], axis=1, keepdims=True)
     upwards = np.array([0.0, 0.0, 1.0])  # of a vertex whose triangles have no area
     normals[missing] = np.where(size > 0, sums[missing] / np.where(size > 0, size, 1), upwards)

@@ -17,7 +17,7 @@ _POINTS = 1 << 20
 
 @dataclass(frozen=True)
 class Coarea:
-    """Integrals over all levels of what `LevelMetrics` has for one.
+    """Integrals over all levels of what `LevelMetrics` has for one; of a 2-D field.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Coarea:
 
 @dataclass(frozen=True)
 class SurfaceCoarea:
-    """Integrals over all levels of what `SurfaceMetrics` has for one.
+    """Integrals over all levels of what `SurfaceMetrics` has for one; of a 3-D field.
 
     Parameters
     ----------
@@ -48,41 +48,25 @@ class SurfaceCoarea:
     bending: float
 
 
-def coarea(field: BezierField, order: int = 4) -> Coarea:
-    """Length, turning and bending of the contours of all levels at once.
+def coarea(field: BezierField, order: int = 4) -> Coarea | SurfaceCoarea:
+    """What the contours, or isosurfaces, of all levels have together.
 
-    By the coarea formula, with the curvature k of the contour through each point::
+    By the coarea formula, with the (mean) curvature k of the level set through each point::
 
-        integral over the level of (integral of q along contours) = integral of q |grad f|
+        integral over the level of (integral of q along level sets) = integral of q |grad f|
 
-    over the grid, for q = 1, |k| and k^2, with `order` Gauss points per axis and cell.  NaN cells
-    are left out, and so are kinks between cells, which a C1 field does not have.
+    over the grid, for q = 1, |k| and k^2 (no |k| in 3-D), with `order` Gauss points per axis and
+    cell.  NaN cells are left out, and so are kinks between cells, which a C1 field does not have.
 
-    Raises
-    ------
-    ValueError
-        For a field that is not 2-D, or traced.
-    """
-    if field.ndim != 2:
-        raise ValueError(
-            f"field must be 2-D to have contour lines, got {field.ndim}-D; "
-            "take a slice of the samples, or surface_coarea"
-        )
-    length, turning, bending = _sums(field, order)
-    return Coarea(length, turning, bending)
-
-
-def surface_coarea(field: BezierField, order: int = 4) -> SurfaceCoarea:
-    """Area and bending of the isosurfaces of all levels at once.
-
-    As `coarea`, with the mean curvature H of the isosurface through each point::
-
-        area = integral of |grad f|,  bending = integral of H^2 |grad f|  over the grid
+    Returns
+    -------
+    Coarea or SurfaceCoarea
+        Length, turning and bending of a 2-D field; area and bending of a 3-D one.
 
     Raises
     ------
     ValueError
-        For a field that is not 3-D, or traced.
+        For a field that is traced.
 
     Examples
     --------
@@ -93,13 +77,13 @@ def surface_coarea(field: BezierField, order: int = 4) -> SurfaceCoarea:
     >>> from contourfair_jax import metrics
     >>> x = np.linspace(1.0, 2.0, 5)
     >>> radius = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
-    >>> round(metrics.surface_coarea(cf.fair_field(radius, spacing=0.25, origin=1.0)).area, 3)
+    >>> round(metrics.coarea(cf.fair_field(radius, spacing=0.25, origin=1.0)).area, 3)
     1.0
     """
-    if field.ndim != 3:
-        raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D; take coarea")
-    area, _, bending = _sums(field, order)
-    return SurfaceCoarea(area, bending)
+    size, turning, bending = _sums(field, order)
+    if field.ndim == 3:
+        return SurfaceCoarea(size, bending)
+    return Coarea(size, turning, bending)
 
 
 def _sums(field: BezierField, order: int) -> list[float]:
@@ -112,7 +96,7 @@ def _sums(field: BezierField, order: int) -> list[float]:
 
 
 def _slabs(field: BezierField, order: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Of slabs of cells, at Gauss points: |grad f| times their weight, and mean curvature."""
+    """`|grad f|` times the weight, and mean curvature, at the Gauss points of slabs of cells."""
     field, ndim = known(field), field.ndim
     net, spacing = np.asarray(field.control_points), np.asarray(field.spacing, dtype=np.float64)
     cells = [n - 1 for n in field.shape]

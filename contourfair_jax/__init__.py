@@ -87,4 +87,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULE_OF, *_MODULES})
+    own = (name for name in globals() if name.startswith("__"))
+    return sorted({*own, *_MODULE_OF, *_MODULES})

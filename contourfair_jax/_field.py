@@ -8,11 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._bezier.evaluate import OUTSIDE, full_hessian, mean_curvature, partials
+from ._bezier.curvature import full_hessian, mean_curvature
+from ._bezier.evaluate import OUTSIDE, partials
 from ._bezier.nets import cell_extreme, refine_axis
 from ._fairing.method import FitReport
 from ._support import checks
 from ._support.arrays import finest
+from ._support.public import former_keyword
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
@@ -225,11 +227,12 @@ class BezierField(eqx.Module):
 
         return isosurface(self, level, tolerance)
 
-    def adaptive(self, tolerance: checks.Scalar) -> "AdaptiveField":
-        """A quadtree or octree within `tolerance`; see `contourfair_jax.adaptive.adaptive`."""
+    @former_keyword("tolerance", "error")
+    def adaptive(self, error: checks.Scalar) -> "AdaptiveField":
+        """A quadtree or octree within `error`; see `contourfair_jax.adaptive.adaptive`."""
         from .adaptive import adaptive
 
-        return adaptive(self, tolerance)
+        return adaptive(self, error)
 
     def to_vtk(self) -> "vtkUnstructuredGrid":
         """The field as exact Bezier cells of VTK, Bezier points as point data ``field``.

@@ -28,7 +28,8 @@ from contourpy import contour_generator
 from matplotlib.figure import Figure
 
 import contourfair_jax as cf
-from contourfair_jax.plot import BilinearField, compare_figure, plot_contours
+from contourfair_jax.metrics import bilinear_field
+from contourfair_jax.plot import compare_figure, plot_contours
 
 jax.config.update("jax_enable_x64", True)
 
@@ -62,7 +63,7 @@ x, y = np.meshgrid(axis, axis, indexing="ij")
 bar = np.clip(1.3 - 3.0 * np.abs(x - 0.7 * y), 0.0, 1.0)
 
 fields = {
-    "(a) bilinear": BilinearField(bar),
+    "(a) bilinear": bilinear_field(faired(bar, 0)),
     "(b) thin plate": faired(bar, 0),
     "(c) fair contours": faired(bar, 2),
 }
@@ -131,7 +132,7 @@ def out_of_round(field):
     return np.mean(deviations)
 
 
-fields = {"(a) bilinear": BilinearField(disk), "(b) two iterations": faired(disk, 2)}
+fields = {"(a) bilinear": bilinear_field(faired(disk, 0)), "(b) two iterations": faired(disk, 2)}
 strays = {name: out_of_round(field) for name, field in fields.items()}
 titled = {f"{name}: {100 * strays[name]:.1f} % out of round": f for name, f in fields.items()}
 figures.show(compare_figure(titled, inner_levels(disk)), "figure_10.png", dpi=70, crop=True)

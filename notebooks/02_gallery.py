@@ -29,7 +29,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import RectBivariateSpline
 
 import contourfair_jax as cf
-from contourfair_jax import export, metrics
+from contourfair_jax import metrics, plot
 from contourfair_jax.io import example
 
 jax.config.update("jax_enable_x64", True)
@@ -51,12 +51,12 @@ def panels(fields, levels, upward=False, width=0.9):
     """Bands and lines of every field, side by side."""
     figure = Figure(figsize=(15, 5.6), layout="constrained")
     for ax, (name, field) in zip(figure.subplots(1, len(fields)), fields.items(), strict=True):
-        bands = export.draw_bands(field.filled([-np.inf, *levels, np.inf]), ax)
+        bands = plot.draw_filled(field.filled([-np.inf, *levels, np.inf]), ax)
         bands.set_cmap("viridis")
         lines = field.contours(levels)
         assert metrics.crossings(lines) == 0
         assert lines.unproved == 0
-        export.draw_lines(lines, ax, color="#1a1a1a", width=width)
+        plot.draw_lines(lines, ax, color="#1a1a1a", width=width)
         high = np.asarray(field.spacing) * (np.array(field.shape) - 1)
         ax.set(xlim=(0, high[1]), ylim=(0, high[0]) if upward else (high[0], 0), aspect="equal")
         ax.set(title=name, xticks=[], yticks=[])
@@ -147,7 +147,8 @@ assert found["fair, global"][2] < found["bilinear"][2]
 # joins what bilinear interpolation had torn, or separates what it had joined.
 
 # %%
-comparison = metrics.compare(terrain.values.astype(float), spacing=terrain.spacing)
+terrain_field = cf.fair_field(terrain.values.astype(float), spacing=terrain.spacing)
+comparison = metrics.compare(terrain_field)
 print(comparison)
 for change in comparison.changes[:8]:
     print(change)

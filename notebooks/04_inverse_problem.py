@@ -37,8 +37,8 @@ jax.config.update("jax_enable_x64", True)
 # ## The volume of an orbital
 #
 # Every third sample of the highest occupied orbital of benzene, 1 Bohr apart; the surface is where
-# it is 0.04. `geometry.volume` takes vertices and triangles found on the host, and ties the
-# vertices to the field. A point of the surface moves by `df / |grad f|`: voxels near the surface
+# it is 0.04. `geometry.volume` takes an isosurface, found on the host, and ties its vertices to
+# the field; like `surface.volume` it is negative around larger values. A point of the surface moves by `df / |grad f|`: voxels near the surface
 # count, most where the field is flat.
 
 # %%
@@ -58,7 +58,7 @@ assert surface.watertight
 
 
 def within(samples):
-    return geometry.volume(fair(samples), surface.vertices, surface.triangles, level)
+    return -geometry.volume(fair(samples), surface)
 
 
 volume, sensitivity = jax.jit(jax.value_and_grad(within))(samples)

@@ -30,7 +30,7 @@ from scipy.interpolate import griddata
 from skimage.restoration import inpaint_biharmonic
 
 import contourfair_jax as cf
-from contourfair_jax import export, metrics
+from contourfair_jax import metrics, plot
 
 jax.config.update("jax_enable_x64", True)
 DATA = np.load(figures.DATA / "holes.npz")
@@ -44,7 +44,7 @@ def draw(ax, field, levels, veiled, cmap, title):
     ax.imshow(image, origin="lower", extent=box, cmap=cmap, vmin=levels[0], vmax=levels[-1])
     lines = field.contours(levels)
     assert metrics.crossings(lines) == 0
-    export.draw_lines(lines, ax, color="#1a1a1a", width=0.7)
+    plot.draw_lines(lines, ax, color="#1a1a1a", width=0.7)
     cells = veiled[:-1, :-1] | veiled[1:, :-1] | veiled[:-1, 1:] | veiled[1:, 1:]
     veil = np.ones((*cells.shape, 4))
     veil[..., 3] = 0.6 * cells

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, Real
 from .._support.arrays import finest, rounding
 from .._support.xla import materialise, working_set
 from .bernstein import cubic_bernstein, derivatives
-from .nets import gather_cells, is_flat
+from .nets import gather_cells
 
 
 @eqx.filter_custom_jvp
@@ -140,34 +140,6 @@ def partials(
         hidden = ~inside if outside == "nan" else nowhere
         scaled.append(jnp.where(hidden, jnp.nan, values))
     return scaled
-
-
-def full_hessian(
-    second: Float[Array, "*batch derivatives"], ndim: int
-) -> Float[Array, "*batch ndim ndim"]:
-    """The symmetric matrix of the second derivatives along axes a <= b."""
-    rows, columns = np.triu_indices(ndim)
-    place = np.zeros((ndim, ndim), dtype=int)
-    place[rows, columns] = place[columns, rows] = np.arange(len(rows))
-    return second[..., place]
-
-
-def mean_curvature(
-    value: Float[Array, "*batch"],
-    gradient: Float[Array, "*batch ndim"],
-    hessian: Float[Array, "*batch ndim ndim"],
-    spacing: Float[Array, " ndim"],
-) -> Float[Array, "*batch"]:
-    """Of the level sets: `tr(H P) / ((ndim - 1) |g|)` with `P = I - n n^T`."""
-    flat = is_flat(value, gradient, spacing)
-    # It does not depend on the scale of the values, but squares would leave their range.
-    size = jax.lax.stop_gradient(jnp.where(flat, 1, jnp.max(jnp.abs(gradient), axis=-1)))
-    unit, hessian = gradient / size[..., None], hessian / size[..., None, None]
-    squared = jnp.where(flat, 1, jnp.sum(unit * unit, axis=-1))
-    along = jnp.einsum("...a,...ab,...b->...", unit, hessian, unit, precision="highest")
-    trace = jnp.trace(hessian, axis1=-2, axis2=-1)
-    curvature = (trace - along / squared) / (jnp.sqrt(squared) * (len(spacing) - 1))
-    return jnp.where(flat, 0, curvature)
 
 
 def _grid_coordinates(

@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._support import checks
+from .._support.public import former_keyword
 from .global_fairing.method import GlobalFairing
 
 
@@ -58,11 +59,12 @@ MEDIAN = 0.4549
 MARGIN = 3
 
 
+@former_keyword("colours", "colors")
 def cross_validation_error(
     method: GlobalFairing,
     values: ArrayLike,
     spacing: ArrayLike | Sequence[float] = 1.0,
-    colours: tuple[int, ...] = (0, 1),
+    colors: tuple[int, ...] = (0, 1),
 ) -> Float[Array, ""]:
     """Mean square error at the samples of either colour when the method is given the other.
 
@@ -73,7 +75,7 @@ def cross_validation_error(
     values : array, shape (n_1, ..., n_d)
         Samples; NaN is missing.
     spacing : float or sequence of ndim floats
-    colours : tuple of int
+    colors : tuple of int
         Colours that are dropped, one after the other.
 
     Raises
@@ -88,7 +90,7 @@ def cross_validation_error(
     colour = jnp.asarray(checkerboard(values.shape))
     squares, judged = jax.lax.map(
         lambda dropped: _held_back(method, values, steps, colour == dropped),
-        jnp.asarray(colours),
+        jnp.asarray(colors),
     )
     return _mean(squares, judged)
 

@@ -7,6 +7,7 @@ middle of the larger one's edges and faces take its values, so that the whole is
 proof is for the values that result.
 """
 
+from .._support.public import public as _public
 from ._adaptive import AdaptiveField as AdaptiveField
 from ._adaptive import adaptive as adaptive
 from ._adaptive import check_error as check_error
@@ -18,3 +19,8 @@ __all__ = [
     "check_error",
     "uniform_error",
 ]
+
+_public(
+    __name__,
+    "field.adaptive(error) or contourfair_jax.adaptive.adaptive(field, error)",
+)

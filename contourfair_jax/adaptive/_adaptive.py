@@ -8,11 +8,12 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bezier.bernstein import bernstein
 from .._bezier.host import HostField
 from .._bezier.nets import PlacedNet
+from .._bezier.subdivision import dyadic_parts
 from .._support.checks import Scalar
 from .._support.memory import check_memory
+from .._support.public import former_keyword
 from .._support.results import Progress, untold
 from ._tree import MOST_DEPTH, Tree, balance, split, whole
 
@@ -82,12 +83,12 @@ class AdaptiveField:
         near = abs(cells - border) <= 4 * np.finfo(float).eps * away
         cells = np.where(near, border, cells)
         depth, number = self._tree.locate(cells)
-        found = np.flatnonzero(number >= 0)
-        leaf = self._first[depth[found]] + number[found]
+        inside = np.flatnonzero(number >= 0)
+        leaf = self._first[depth[inside]] + number[inside]
         corner = np.concatenate(self._tree.corners)[leaf]
-        at = cells[found] * 2.0 ** depth[found, None] - corner
+        at = cells[inside] * 2.0 ** depth[inside, None] - corner
         values = np.full(len(cells), np.nan)
-        values[found] = _multilinear(self.values[self.leaves[leaf]], at)
+        values[inside] = _multilinear(self.values[self.leaves[leaf]], at)
         return values.reshape(points.shape[:-1])
 
     def to_vtk(self, grid: "Grid | None" = None) -> "vtkUnstructuredGrid":
@@ -101,14 +102,16 @@ class AdaptiveField:
         return leaf_grid(self, grid)
 
 
-def adaptive(field: PlacedNet, tolerance: Scalar, *, progress: Progress = untold) -> AdaptiveField:
+@former_keyword("tolerance", "error")
+def adaptive(field: PlacedNet, error: Scalar, *, progress: Progress = untold) -> AdaptiveField:
     """The coarsest quadtree (octree) over the cells of a field that is proved to be near to it.
 
     Parameters
     ----------
     field : BezierField
-    tolerance : float
-        Largest difference from the field, in the units of its values.
+    error : float
+        Largest difference from the field, in the units of its values: no distance, as is the
+        `tolerance` of contours and isosurfaces.
     progress : callable
         Called as ``progress(done, all)`` with leaves that are final, and an estimate of all.
 
@@ -120,7 +123,7 @@ def adaptive(field: PlacedNet, tolerance: Scalar, *, progress: Progress = untold
     Raises
     ------
     ValueError
-        For a tolerance that is not above zero, that needs cells halved more than 10 times, or more
+        For an error that is not above zero, that needs cells halved more than 10 times, or more
         leaves than fit in memory.
 
     Examples
@@ -133,23 +136,23 @@ def adaptive(field: PlacedNet, tolerance: Scalar, *, progress: Progress = untold
     >>> len(grid) < 0.5 * field.refine(8).size, grid.error <= 0.01
     (True, True)
     """
-    tolerance = check_error(tolerance)
+    error = check_error(error)
     host = HostField.of(field)
     tree = whole(host.valid)
     while True:
         check_memory(_BYTES_PER_LEAF * len(tree), f"{len(tree)} leaves")
         corners = _corner_values(host, tree)
         errors = [_errors(host, part, k, corners[k]) for k, part in enumerate(tree.corners)]
-        chosen = [found > tolerance for found in errors]
+        chosen = [of_leaves > error for of_leaves in errors]
         if not any(mask.any() for mask in chosen):
             break
-        expected = _check_reach(errors, tolerance, tree.ndim)
+        expected = _check_reach(errors, error, tree.ndim)
         progress(sum(int((~mask).sum()) for mask in chosen), max(expected, len(tree)))
         tree = balance(split(tree, chosen))
     return _assembled(field, tree, corners, max((e.max(initial=0.0) for e in errors), default=0.0))
 
 
-def _check_reach(errors: list[np.ndarray], tolerance: float, ndim: int) -> int:
+def _check_reach(errors: list[np.ndarray], most: float, ndim: int) -> int:
     """About how many leaves there will be; refuses too many, or too many halvings, early.
 
     Halving takes errors down to a quarter; at first to less, where the field is far from quadratic.
@@ -157,8 +160,8 @@ def _check_reach(errors: list[np.ndarray], tolerance: float, ndim: int) -> int:
     that there are stand for the largest in their leaf, not for the mean.
     """
     finest, count = 0, 0.0
-    for depth, found in enumerate(errors):
-        share = found / tolerance
+    for depth, of_leaves in enumerate(errors):
+        share = of_leaves / most
         if (share > 1).any():
             finest = depth + 1
         if len(errors) > 1:
@@ -167,10 +170,10 @@ def _check_reach(errors: list[np.ndarray], tolerance: float, ndim: int) -> int:
             finest = max(finest, depth + int(np.ceil(0.5 * np.log2(share.max(initial=1.0)))))
     if finest > MOST_DEPTH:
         raise ValueError(
-            f"tolerance {tolerance:g} needs cells halved more than {MOST_DEPTH} times; "
-            "use a larger one"
+            f"an error of {most:g} needs cells halved more than {MOST_DEPTH} times; "
+            "allow a larger one"
         )
-    what = f"tolerance {tolerance:g}, with about {count:.0f} leaves,"
+    what = f"an error of {most:g}, with about {count:.0f} leaves,"
     check_memory(int(_BYTES_PER_LEAF * count), what)
     return int(count)
 
@@ -188,15 +191,13 @@ def uniform_error(field: PlacedNet, depth: int) -> float:
     return float(_errors(host, tree.corners[depth], depth, values).max(initial=0.0))
 
 
-def check_error(tolerance: Scalar) -> float:
-    """The tolerance as a float; ValueError unless it is a number above zero."""
-    known = isinstance(tolerance, int | float | np.number | np.ndarray | jax.Array)
-    known = known and np.ndim(tolerance) == 0 and np.asarray(tolerance).dtype.kind in "fiu"
-    if not known or not 0 < tolerance < np.inf:
-        raise ValueError(
-            f"tolerance must be above zero, in the units of the values, got {tolerance!r}"
-        )
-    return float(tolerance)
+def check_error(error: Scalar, name: str = "error") -> float:
+    """The error as a float; ValueError, with its name, unless it is a number above zero."""
+    known = isinstance(error, int | float | np.number | np.ndarray | jax.Array)
+    known = known and np.ndim(error) == 0 and np.asarray(error).dtype.kind in "fiu"
+    if not known or not 0 < error < np.inf:
+        raise ValueError(f"{name} must be above zero, in the units of the values, got {error!r}")
+    return float(error)
 
 
 def _bits(ndim: int) -> np.ndarray:
@@ -215,7 +216,7 @@ def _corner_values(host: HostField, tree: Tree) -> list[np.ndarray]:
     From coarse to fine, so that what a leaf takes from a larger neighbour is final.
     """
     sides = _bits(tree.ndim) - 1
-    found: list[np.ndarray] = []
+    by_depth: list[np.ndarray] = []
     for depth, corner in enumerate(tree.corners):
         values = _true_corners(host, corner, depth)
         if depth:
@@ -226,9 +227,9 @@ def _corner_values(host: HostField, tree: Tree) -> list[np.ndarray]:
                 number = np.where(hanging, tree.find(parent, depth - 1), -1)
                 rows = number >= 0
                 at = 0.5 * vertices[rows] - parent[rows]
-                values[rows] = _multilinear(found[depth - 1][number[rows]], at)
-        found.append(values)
-    return found
+                values[rows] = _multilinear(by_depth[depth - 1][number[rows]], at)
+        by_depth.append(values)
+    return by_depth
 
 
 def _errors(host: HostField, corner: np.ndarray, depth: int, values: np.ndarray) -> np.ndarray:
@@ -246,21 +247,7 @@ def _errors(host: HostField, corner: np.ndarray, depth: int, values: np.ndarray)
 def _leaf_nets(host: HostField, corner: np.ndarray, depth: int) -> np.ndarray:
     """Bezier points of leaves, shape (4, ..., 4, n)."""
     cell, offset = corner >> depth, corner & ((1 << depth) - 1)
-    nets = host.gather(cell)
-    parts = _parts(depth)
-    for axis in range(host.ndim):
-        rows = parts[offset[:, axis]]
-        p = np.moveaxis(nets, axis, 0)
-        nets = np.moveaxis(np.einsum("nab,b...n->a...n", rows, p), 0, axis)
-    return nets
-
-
-def _parts(depth: int) -> np.ndarray:
-    """Matrices from the points of a cubic to those of its `2**depth` parts: (parts, 4, 4)."""
-    count = 1 << depth
-    start = np.arange(count) / count
-    at = start[:, None] + np.arange(4) / (3 * count)
-    return np.linalg.inv(bernstein(3, np.arange(4) / 3)) @ bernstein(3, at)
+    return dyadic_parts(host.gather(cell), offset, depth)
 
 
 def _multilinear(corners: np.ndarray, at: np.ndarray) -> np.ndarray:

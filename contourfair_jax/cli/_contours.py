@@ -122,14 +122,14 @@ def _traced(
 def _store(target: Path, traced: Contours | Bands, grid: Grid) -> tuple[str, ...]:
     """Store lines or bands, unless a picture is all that is asked for; notes on the file."""
     from ..contours import Bands
-    from ..export import write_bands, write_lines, write_svg
+    from ..export import write_filled, write_lines, write_svg
     from ..plot import level_colors
 
     suffix = target.suffix.lower()
     if suffix == ".png":
         return ()
     if isinstance(traced, Bands):
-        return write_bands(target, traced, grid)
+        return write_filled(target, traced, grid)
     if suffix == ".svg":
         drawn = len({line.level for line in traced})
         return write_svg(target, traced, grid, level_colors(drawn))

@@ -123,7 +123,7 @@ def adaptive(
         check_suffix(plot, (".png",))
     recipe = Recipe.parse(fairing, single)
     with as_input():
-        check_error(tolerance)
+        check_error(tolerance, "tolerance")
     grid = load(source, key, target, recipe, say)
     check_fairable(grid)
     field = faired(grid, recipe, say)

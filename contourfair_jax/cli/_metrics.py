@@ -177,17 +177,16 @@ def _whole(field: BezierField) -> dict[str, float]:
 
 def _integrals(field: BezierField) -> dict[str, float]:
     """Integrals over all levels of a C1 field; kinks of a bilinear field would not be in them."""
-    from ..metrics import coarea, surface_coarea
+    from ..metrics import Coarea, coarea
 
-    if field.ndim == 3:
-        surfaces = surface_coarea(field)
-        return {"area": surfaces.area, "bending/4pi": surfaces.bending / (4 * np.pi)}
-    lines = coarea(field)
-    return {
-        "length": lines.length,
-        "turning/2pi": lines.turning / (2 * np.pi),
-        "bending": lines.bending,
-    }
+    sums = coarea(field)
+    if isinstance(sums, Coarea):
+        return {
+            "length": sums.length,
+            "turning/2pi": sums.turning / (2 * np.pi),
+            "bending": sums.bending,
+        }
+    return {"area": sums.area, "bending/4pi": sums.bending / (4 * np.pi)}
 
 
 def _integral_units(grid: Grid) -> dict[str, str]:

@@ -11,6 +11,7 @@ The line of a level v is the border of {f > v}, with v raised by a little more t
 """
 
 from .._level_sets import Levels as Levels
+from .._support.public import public as _public
 from ._bands import Band as Band
 from ._bands import Bands as Bands
 from ._bands import filled as filled
@@ -27,3 +28,8 @@ __all__ = [
     "contours",
     "filled",
 ]
+
+_public(
+    __name__,
+    "field.contours(levels) or contourfair_jax.contours.contours(field, levels)",
+)

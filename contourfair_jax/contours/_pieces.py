@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._bezier.nets import cell_extreme
-from .._bezier.subdivision import halves
+from .._bezier.subdivision import children
 from .._support.arrays import ranges
 
 # Cells of the grid looked at in one go, and those with a level subdivided in one go: what is worked
@@ -116,14 +116,12 @@ def _gather(net: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
 def quarters(cells: Cells, levels: np.ndarray) -> Cells:
     """The four quarters of every cell, those that may hold a level."""
     parts = []
-    for a, half in enumerate(halves(cells.points)):
-        for b, quarter in enumerate(halves(half.swapaxes(0, 1))):
-            flat = quarter.reshape(16, -1)
-            first, last = level_ranges(flat.min(0), flat.max(0), levels)
-            kept = np.flatnonzero(last > first)
-            corner = 2 * cells.corner[:, kept] + np.array([[a], [b]])
-            points = quarter.swapaxes(0, 1).take(kept, -1)
-            parts.append((points, corner, first[kept], last[kept]))
+    for bits, quarter, _ in children(cells.points):
+        flat = quarter.reshape(16, -1)
+        first, last = level_ranges(flat.min(0), flat.max(0), levels)
+        kept = np.flatnonzero(last > first)
+        corner = 2 * cells.corner[:, kept] + np.array(bits)[:, None]
+        parts.append((quarter.take(kept, -1), corner, first[kept], last[kept]))
     points, corner, first, last = (
         np.concatenate(arrays, -1) for arrays in zip(*parts, strict=True)
     )

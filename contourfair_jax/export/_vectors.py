@@ -153,8 +153,8 @@ def write_lines(path: str | os.PathLike[str], lines: Sequence[ContourLine], grid
     return _writer(path, _LINES)(path, lines, grid)
 
 
-def write_bands(path: str | os.PathLike[str], bands: Sequence[Band], grid: Grid) -> Notes:
-    """Store bands as features in the format that the name ends in: .geojson, .json or .gpkg.
+def write_filled(path: str | os.PathLike[str], bands: Sequence[Band], grid: Grid) -> Notes:
+    """Store the bands of `filled` in the format of the name: .geojson, .json or .gpkg.
 
     Features are multipolygons with the properties `lower` and `upper`; those of bands that reach to
     infinity are null.

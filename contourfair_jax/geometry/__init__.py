@@ -19,13 +19,13 @@ Hessians in it, which jump between cells: it is continuous almost everywhere onl
 derivative leaves the jumps out.
 """
 
+from .._support.public import public as _public
 from ._level_points import level_points as level_points
 from ._measures import area as area
 from ._measures import bending as bending
 from ._measures import length as length
 from ._measures import surface_area as surface_area
 from ._measures import volume as volume
-from ._measures import willmore as willmore
 
 __all__ = [
     "area",
@@ -34,5 +34,12 @@ __all__ = [
     "level_points",
     "surface_area",
     "volume",
-    "willmore",
 ]
+
+_public(
+    __name__,
+    "one of its functions, such as contourfair_jax.geometry.area(field, lines)",
+    {
+        "willmore": "contourfair_jax.geometry.bending",
+    },
+)

@@ -14,7 +14,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from .._bezier.evaluate import full_hessian, mean_curvature, partials
+from .._bezier.curvature import full_hessian, mean_curvature
+from .._bezier.evaluate import partials
 from .._bezier.nets import cell_extreme, is_flat
 from .._field import BezierField
 from .._support import checks
@@ -106,9 +107,9 @@ def _sides(
         first = here & ~found
         chosen = jnp.where(first[..., None], cell, chosen)
         for axis in range(ndim):
+            # Away from faces both cells along an axis are one, and what one holds both do.
             across = holds[number ^ 2 ** (ndim - 1 - axis)]
-            on_face = (above != below)[..., axis]
-            ends[axis] = jnp.where(first, ~across & on_face, ends[axis])  # pyright: ignore
+            ends[axis] = jnp.where(first, ~across, ends[axis])
         found = found | here
     whole = functools.reduce(jnp.logical_and, holds)
     fixed = (found & ~whole)[..., None]

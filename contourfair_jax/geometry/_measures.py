@@ -9,7 +9,10 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._field import BezierField
+from .._support.public import former_keyword
 from ..contours import ContourLine
+from ..isosurface._mesh import TriangleMesh, open_edges, triangle_normals
+from ._former import formerly_of_arrays
 from ._level_points import SidedField, places_of, project
 
 
@@ -73,15 +76,37 @@ def area(
     return jnp.sum(points[:-1, 0] * after[:, 1] - points[:-1, 1] * after[:, 0]) / 2
 
 
+@former_keyword("lines", "level_set")
+@formerly_of_arrays
 def bending(
-    field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None = None
+    field: BezierField,
+    level_set: Sequence[ContourLine] | TriangleMesh,
+    level: ArrayLike | None = None,
 ) -> Float[Array, ""]:
-    """Squared curvature integrated along contour lines, in 1 / length; 2 pi / r for a circle.
+    """Squared curvature integrated along contour lines, or squared mean curvature over a surface.
 
-    With the curvature of the field's level set at the points.  Parameters and Raises as for
-    `length`.
+    With the curvature of the field's level set at the points.  Lines have it in 1 / length,
+    2 pi / r for a circle; surfaces without unit, 4 pi for every sphere.
+
+    Parameters
+    ----------
+    field : BezierField
+        May be traced.
+    level_set : sequence of ContourLine, or Isosurface
+        As for `length`, or for `surface_area`.
+    level : float or None
+        Takes the place of the levels of the lines or the surface.
+
+    Raises
+    ------
+    ValueError
+        As for `length`, or for `surface_area`.
     """
-    points, follows, sided = _tied_lines(field, lines, level)
+    if hasattr(level_set, "triangles"):
+        points, triangles, normals, sided = _tied_mesh(field, level_set, level)
+        squared = sided.mean_curvature(points) ** 2
+        return jnp.sum(jnp.mean(squared[triangles], axis=1) * _norm(normals)) / 2
+    points, follows, sided = _tied_lines(field, level_set, level)  # pyright: ignore
     squared = sided.mean_curvature(points) ** 2
     return jnp.sum((squared[:-1] + squared[follows]) / 2 * _norm(points[follows] - points[:-1]))
 
@@ -89,9 +114,10 @@ def bending(
 def _tied_lines(
     field: BezierField, lines: Sequence[ContourLine], level: ArrayLike | None
 ) -> tuple[Float[Array, "points 2"], np.ndarray, SidedField]:
-    """All points of all lines, of every one but the last which follows (itself at ends), the field.
+    """The points of all lines, the number of the point that follows each but the last, the field.
 
-    Points are counted from the origin of the field, here and below.
+    The last point of a line is followed by itself.  Points are counted from the origin of the
+    field, here and below.
     """
     if field.ndim != 2:
         raise ValueError(f"field must be 2-D to have contour lines, got {field.ndim}-D")
@@ -106,37 +132,41 @@ def _tied_lines(
     return project(sided, places, levels), follows[:-1], sided
 
 
+@formerly_of_arrays
 def surface_area(
-    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+    field: BezierField, surface: TriangleMesh, level: ArrayLike | None = None
 ) -> Float[Array, ""]:
-    """Area of an isosurface.
+    """Area of an isosurface, in squared units of the coordinates.
 
     Parameters
     ----------
     field : BezierField
         3-D; may be traced.
-    vertices : array, shape (n, 3)
-        Of the isosurface of this level, in physical coordinates.
-    triangles : array of int, shape (m, 3)
-        Numbers of vertices, found outside `jax.jit`.
-    level : float
+    surface : Isosurface
+        `field.isosurface(level)`, found outside `jax.jit`; or any object with the `level`, the
+        `vertices` in physical coordinates, shape (n, 3), and the `triangles` of a mesh.
+    level : float or None
+        Takes the place of the level of the surface, to differentiate with respect to it.
 
     Raises
     ------
     ValueError
-        For a field that is not 3-D, or triangles that are not (m, 3) or name other vertices.
+        For a field that is not 3-D, a surface that is no mesh or has no triangles, or triangles
+        that are not (m, 3) or name vertices that there are not.
     """
-    _, _, normals, _ = _tied_mesh(field, vertices, triangles, level)
+    _, _, normals, _ = _tied_mesh(field, surface, level)
     return jnp.sum(_norm(normals)) / 2
 
 
+@formerly_of_arrays
 def volume(
-    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+    field: BezierField, surface: TriangleMesh, level: ArrayLike | None = None
 ) -> Float[Array, ""]:
-    """Volume within a closed isosurface: of the places above the level, cavities taken off.
+    """Volume within a closed isosurface, with the sign of `Isosurface.volume`.
 
-    By the divergence theorem.  Parameters as for `surface_area`; triangles may face either way, but
-    all the same.
+    By the divergence theorem: that of the places below the level, cavities taken off, and negative
+    around larger values.  Triangles turn left around the gradient, as those of an `Isosurface` do;
+    of those that turn right the sign is the opposite.  Parameters as for `surface_area`.
 
     Raises
     ------
@@ -145,66 +175,52 @@ def volume(
 
     Examples
     --------
-    The derivative of the volume of an isosurface with respect to every sample, with `vertices` and
-    `triangles` of any marching cubes:
+    The derivative of the volume of a ball of larger values with respect to every sample:
 
+    >>> import jax, jax.numpy as jnp
     >>> import contourfair_jax as cf
     >>> from contourfair_jax import geometry
-    >>> def loss(samples, vertices, triangles):
-    ...     return geometry.volume(cf.fair_field(samples), vertices, triangles, 0.5)
+    >>> x = jnp.linspace(-1.0, 1.0, 7)
+    >>> ball = jnp.exp(-(x[:, None, None] ** 2) - x[:, None] ** 2 - x**2)
+    >>> fair = lambda samples: cf.fair_field(samples, method=cf.LocalFairing(iterations=0))
+    >>> surface = fair(ball).isosurface(0.6)
+    >>> jax.grad(lambda samples: -geometry.volume(fair(samples), surface))(ball).shape
+    (7, 7, 7)
     """
-    points, triangles, normals, _ = _tied_mesh(field, vertices, triangles, level)
-    _check_closed(triangles)
+    points, triangles, normals, _ = _tied_mesh(field, surface, level)
+    if count := open_edges(triangles):
+        raise ValueError(
+            f"surface must be closed to enclose a volume, got {count} open edges; it ends at the "
+            "border or at missing samples, where samples can be padded, or its triangles face "
+            "different ways"
+        )
     points = points - jax.lax.stop_gradient(jnp.mean(points, axis=0, keepdims=True))
     centres = jnp.mean(points[triangles], axis=1)
     return jnp.sum(centres * normals) / 6
 
 
-def willmore(
-    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
-) -> Float[Array, ""]:
-    """Squared mean curvature integrated over an isosurface; 4 pi for every sphere.
-
-    With the curvature of the field's level set at the vertices.  Parameters and Raises as for
-    `surface_area`.
-    """
-    points, triangles, normals, sided = _tied_mesh(field, vertices, triangles, level)
-    squared = sided.mean_curvature(points) ** 2
-    return jnp.sum(jnp.mean(squared[triangles], axis=1) * _norm(normals)) / 2
-
-
 def _tied_mesh(
-    field: BezierField, vertices: ArrayLike, triangles: ArrayLike, level: ArrayLike
+    field: BezierField, surface: TriangleMesh, level: ArrayLike | None
 ) -> tuple[Float[Array, "n 3"], np.ndarray, Float[Array, "m 3"], SidedField]:
-    """Vertices, triangles, normals of twice their area away from what is above the level; field."""
+    """Vertices, triangles, their normals of twice their area, and the field."""
     if field.ndim != 3:
         raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D")
-    corners, places = np.asarray(triangles), places_of(field, vertices)
+    if not hasattr(surface, "triangles"):
+        raise ValueError(
+            f"surface must be an Isosurface, got {type(surface).__name__}; find one with "
+            "field.isosurface(level)"
+        )
+    triangles, places = np.asarray(surface.triangles), places_of(field, surface.vertices)
     count = len(places)
-    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
-        raise ValueError(f"triangles must have shape (m, 3) with m > 0, got {corners.shape}")
-    if corners.dtype.kind not in "iu":
-        raise ValueError(f"triangles must be whole numbers of vertices, got {corners.dtype}")
-    if corners.min() < 0 or corners.max() >= count:
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or not len(triangles):
+        raise ValueError(f"triangles must have shape (m, 3) with m > 0, got {triangles.shape}")
+    if triangles.dtype.kind not in "iu":
+        raise ValueError(f"triangles must be whole numbers of vertices, got {triangles.dtype}")
+    if triangles.min() < 0 or triangles.max() >= count:
         raise ValueError(f"triangles must be numbers of the {count} vertices, got others")
     sided = SidedField.of(field, places)
-    points = project(sided, places, level)
-    first, second, third = (points[corners[:, k]] for k in range(3))
-    normals = jnp.cross(second - first, third - first)
-    _, uphill = jax.lax.stop_gradient(sided.value_and_gradient(points))
-    side = -jnp.sign(jax.lax.stop_gradient(jnp.sum(normals * jnp.mean(uphill[corners], axis=1))))
-    return points, corners, side * normals, sided
-
-
-def _check_closed(triangles: np.ndarray) -> None:
-    """Every edge must be that of two triangles."""
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] % 2).sum())
-    if open_edges:
-        raise ValueError(
-            f"triangles must form a closed surface to enclose a volume, got {open_edges} open "
-            "edges; the surface ends at the border or at missing samples: pad the samples"
-        )
+    points = project(sided, places, surface.level if level is None else level)
+    return points, triangles, triangle_normals(points, triangles), sided
 
 
 def _norm(vectors: Array) -> Array:

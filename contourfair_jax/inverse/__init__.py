@@ -8,6 +8,7 @@ Data of several kinds combine: values at points, averages over boxes, contour li
 The result passes through nothing exactly; it weighs data by their sigma.
 """
 
+from .._support.public import public as _public
 from ._fit import InverseFit as InverseFit
 from ._fit import fit_samples as fit_samples
 from ._observations import AbstractObservation as AbstractObservation
@@ -41,3 +42,8 @@ __all__ = [
     "Values",
     "fit_samples",
 ]
+
+_public(
+    __name__,
+    "contourfair_jax.inverse.fit_samples(observations, shape)",
+)

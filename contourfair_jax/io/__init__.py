@@ -11,6 +11,7 @@ from .._grid.grid import exact_float as exact_float
 from .._support.errors import InputError as InputError
 from .._support.errors import MissingPackageError as MissingPackageError
 from .._support.memory import check_memory as check_memory
+from .._support.public import public as _public
 from ._outputs import replacing as replacing
 from ._registry import check_writable as check_writable
 from ._registry import example as example
@@ -37,3 +38,13 @@ __all__ = [
     "write",
     "write_bands",
 ]
+
+_public(
+    __name__,
+    "contourfair_jax.io.read(path) or write(path, grid)",
+    {
+        "write_geojson": "contourfair_jax.export.write_geojson",
+        "write_svg": "contourfair_jax.export.write_svg",
+        "ContourLine": "contourfair_jax.contours.ContourLine",
+    },
+)

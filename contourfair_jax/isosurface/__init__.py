@@ -10,6 +10,7 @@ As for contours, a plateau counts as below its own level: this is raised by `5e-
 the samples, or by two roundings of the largest sample where these are more.
 """
 
+from .._support.public import public as _public
 from ._isosurface import Isosurface as Isosurface
 from ._isosurface import isosurface as isosurface
 
@@ -17,3 +18,8 @@ __all__ = [
     "Isosurface",
     "isosurface",
 ]
+
+_public(
+    __name__,
+    "field.isosurface(level) or contourfair_jax.isosurface.isosurface(field, level)",
+)

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .._bezier.curvature import full_hessian, host_gaussian_curvature, host_mean_curvature
 from .._bezier.host import HostField, known
 from .._bezier.nets import PlacedNet
 from .._level_sets import check_levels, check_tolerance, rounding_note, values_of
 from .._support.checks import Scalar
 from .._support.results import Progress, untold
 from ._lattice import surface_of
-from ._mesh import across, edges_of
+from ._mesh import edges_of, open_edges, triangle_normals
 from ._refine import split
 
 
@@ -62,12 +63,17 @@ class Isosurface:
     @property
     def area(self) -> float:
         """Area of the triangles, in squared units of the coordinates."""
-        return 0.5 * float(np.linalg.norm(across(self.vertices, self.triangles), axis=1).sum())
+        return 0.5 * float(
+            np.linalg.norm(triangle_normals(self.vertices, self.triangles), axis=1).sum()
+        )
 
     @property
     def watertight(self) -> bool:
-        """Whether every edge has two triangles, so that the surface has no border."""
-        return bool((edges_of(self.triangles).faces == 2).all())
+        """Whether the surface is closed: without a border, all around what it encloses.
+
+        Its triangles then pass along every edge as often in one direction as in the other.
+        """
+        return open_edges(self.triangles) == 0
 
     @property
     def volume(self) -> float:
@@ -201,27 +207,16 @@ def _notes(level: float, vertices: int, unmet: int, unproved: int) -> tuple[str,
 def _shape(
     host: HostField, points: np.ndarray, spacing: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit normals (NaN where the gradient vanishes), mean and Gaussian curvature.
-
-    With the gradient g and the Hessian H, and adj H its adjugate, the curvatures of a level set are
-    `(tr H - n H n) / (2 |g|)` and `g (adj H) g / |g|^4`.
-    """
-    _, gradient, second = host.jet(points, 2)
-    gradient = gradient.T / spacing
+    """Unit normals (NaN where the gradient vanishes), mean and Gaussian curvature."""
+    _, first, second = host.jet(points, 2)
     rows, columns = np.triu_indices(3)
-    hessian = np.empty((len(points), 3, 3))
-    hessian[:, rows, columns] = hessian[:, columns, rows] = second.T
-    hessian /= spacing[:, None] * spacing
-    size = np.linalg.norm(gradient, axis=1)
+    first = first / spacing[:, None]
+    second = second / (spacing[rows] * spacing[columns])[:, None]
+    size, mean = host_mean_curvature(first, second)
+    gaussian = host_gaussian_curvature(first.T, full_hessian(second.T, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
-        normal = gradient / size[:, None]
-        along = np.einsum("na,nab,nb->n", normal, hessian, normal)
-        mean = (np.trace(hessian, axis1=1, axis2=2) - along) / (2 * size)
-        # Rows of the adjugate of a symmetric matrix are cross products of its rows.
-        turned = np.cross(np.roll(hessian, -1, 1), np.roll(hessian, -2, 1))
-        gaussian = np.einsum("na,nab,nb->n", normal, turned, normal) / size**2
-    flat = size == 0
-    return normal, np.where(flat, 0, mean), np.where(flat, 0, gaussian)
+        normals = (first / size).T
+    return normals, mean, gaussian
 
 
 def _filled(normals: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -230,7 +225,7 @@ def _filled(normals: np.ndarray, vertices: np.ndarray, triangles: np.ndarray) ->
     if not len(missing):
         return normals
     sums = np.zeros_like(normals)
-    np.add.at(sums, triangles, across(vertices, triangles)[:, None])
+    np.add.at(sums, triangles, triangle_normals(vertices, triangles)[:, None])
     size = np.linalg.norm(sums[missing], axis=1, keepdims=True)
     upwards = np.array([0.0, 0.0, 1.0])  # of a vertex whose triangles have no area
     normals[missing] = np.where(size > 0, sums[missing] / np.where(size > 0, size, 1), upwards)

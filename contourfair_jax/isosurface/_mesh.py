@@ -1,8 +1,41 @@
-"""Edges, parts and normals of triangle meshes, and meshes with positions in single precision."""
+"""Triangle meshes: edges, parts, normals, what is closed, and positions in single precision.
+
+A mesh is *closed*, or watertight, where its triangles pass along every edge as often in one
+direction as in the other.  They then are the border of a solid, which has a volume, also where
+parts of it touch: two tetrahedra with an edge in common are closed.  Whether every edge has two
+triangles is another question: whether the mesh is a manifold.
+"""
 
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+
+Points = TypeVar("Points", jax.Array, np.ndarray)
+
+
+class TriangleMesh(Protocol):
+    """The mesh of one level: an `Isosurface`, or one of another program.
+
+    Parameters
+    ----------
+    level : float
+    vertices : array, shape (n, 3)
+        In physical coordinates.
+    triangles : array of int, shape (m, 3)
+        Numbers of vertices; triangles turn left around the gradient.
+    """
+
+    @property
+    def level(self) -> float: ...
+
+    @property
+    def vertices(self) -> np.ndarray: ...
+
+    @property
+    def triangles(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -33,10 +66,21 @@ def edges_of(triangles: np.ndarray) -> Edges:
     return Edges(ends, number.reshape(-1, 3), faces)
 
 
-def across(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Normals of triangles, twice their area long."""
-    corners = vertices[triangles]
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def triangle_normals(vertices: Points, triangles: np.ndarray) -> Points:
+    """Normals of triangles, twice their area long; of arrays of NumPy or JAX."""
+    first, second, third = (vertices[triangles[:, k]] for k in range(3))
+    if isinstance(vertices, np.ndarray):
+        return np.cross(second - first, third - first)
+    return jnp.cross(second - first, third - first)
+
+
+def open_edges(triangles: np.ndarray) -> int:
+    """How many edges are passed more often in one direction than in the other: 0 if closed."""
+    start = triangles.astype(np.int64)
+    end = np.roll(start, -1, axis=1)
+    edge = (np.minimum(start, end) << 32) | np.maximum(start, end)
+    _, number = np.unique(edge, return_inverse=True)
+    return int(np.count_nonzero(np.bincount(number.ravel(), np.sign(end - start).ravel())))
 
 
 def connect(n: int, pairs: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from .._bezier.host import HostField
 from .._bezier.roots import toward
 from .._support.memory import check_memory
 from ._lattice import Surface
-from ._mesh import Edges, edges_of
+from ._mesh import Edges, edges_of, triangle_normals
 
 # Rounds of halving; each makes chords four times nearer.
 _ROUNDS = 14
@@ -124,9 +124,8 @@ def _upright(
 def _upright_triangles(
     points: np.ndarray, normals: np.ndarray, triangles: np.ndarray
 ) -> np.ndarray:
-    corners = points[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return (across * normals[triangles].sum(1)).sum(1) > 0
+    """Which triangles face the way that the normals at their corners point."""
+    return (triangle_normals(points, triangles) * normals[triangles].sum(1)).sum(1) > 0
 
 
 def _halved(

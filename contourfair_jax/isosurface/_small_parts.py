@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._bezier.host import HostField
-from .._bezier.subdivision import halves
+from .._bezier.subdivision import children
 from ._mesh import connect
 
 # Pieces per cell and axis, first and last; the last ones where there are not too many.
@@ -126,16 +126,14 @@ def _eighths(
     points: np.ndarray, corner: np.ndarray, level: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and corners of the eighths that may hold the level, and whose eighths they are."""
-    parts = []
-    for bits in itertools.product((0, 1), repeat=3):
-        kept, eighth = np.arange(len(corner)), points
-        # What misses the level after one halving is not halved again.
-        for axis, bit in enumerate(bits):
-            half = halves(np.moveaxis(eighth, axis, 0))[bit]
-            flat = half.reshape(64, -1)
-            holds = np.flatnonzero((flat.min(0) <= level) & (flat.max(0) > level))
-            kept, eighth = kept[holds], np.moveaxis(half, 0, axis).take(holds, -1)
-        parts.append((eighth, 2 * corner[kept] + np.array(bits), kept))
+
+    def holds(pieces: np.ndarray) -> np.ndarray:
+        return (pieces.min(0) <= level) & (pieces.max(0) > level)
+
+    parts = [
+        (eighth, 2 * corner[parent] + np.array(bits), parent)
+        for bits, eighth, parent in children(points, holds)
+    ]
     eighths, corners, parents = zip(*parts, strict=True)
     return np.concatenate(eighths, -1), np.concatenate(corners), np.concatenate(parents)
 

@@ -1,10 +1,10 @@
 """How fair a field and its contours are: length, turning, bending, parts, crossings, overshoot."""
 
+from .._support.public import public as _public
 from ..contours._line import signed_area as signed_area
 from ._coarea import Coarea as Coarea
 from ._coarea import SurfaceCoarea as SurfaceCoarea
 from ._coarea import coarea as coarea
-from ._coarea import surface_coarea as surface_coarea
 from ._compare import Comparison as Comparison
 from ._compare import bilinear_field as bilinear_field
 from ._compare import compare as compare
@@ -30,6 +30,13 @@ __all__ = [
     "level_metrics",
     "overshoot",
     "signed_area",
-    "surface_coarea",
     "surface_metrics",
 ]
+
+_public(
+    __name__,
+    "one of its functions, such as contourfair_jax.metrics.compare(field)",
+    {
+        "surface_coarea": "contourfair_jax.metrics.coarea",
+    },
+)

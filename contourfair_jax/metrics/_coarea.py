@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._bezier.bernstein import bernstein_derivative, derivatives, quadrature
+from .._bezier.curvature import host_mean_curvature
 from .._bezier.host import known
 from .._field import BezierField
 
@@ -16,7 +17,7 @@ _POINTS = 1 << 20
 
 @dataclass(frozen=True)
 class Coarea:
-    """Integrals over all levels of what `LevelMetrics` has for one.
+    """Integrals over all levels of what `LevelMetrics` has for one; of a 2-D field.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class Coarea:
 
 @dataclass(frozen=True)
 class SurfaceCoarea:
-    """Integrals over all levels of what `SurfaceMetrics` has for one.
+    """Integrals over all levels of what `SurfaceMetrics` has for one; of a 3-D field.
 
     Parameters
     ----------
@@ -47,41 +48,25 @@ class SurfaceCoarea:
     bending: float
 
 
-def coarea(field: BezierField, order: int = 4) -> Coarea:
-    """Length, turning and bending of the contours of all levels at once.
+def coarea(field: BezierField, order: int = 4) -> Coarea | SurfaceCoarea:
+    """What the contours, or isosurfaces, of all levels have together.
 
-    By the coarea formula, with the curvature k of the contour through each point::
+    By the coarea formula, with the (mean) curvature k of the level set through each point::
 
-        integral over the level of (integral of q along contours) = integral of q |grad f|
+        integral over the level of (integral of q along level sets) = integral of q |grad f|
 
-    over the grid, for q = 1, |k| and k^2, with `order` Gauss points per axis and cell.  NaN cells
-    are left out, and so are kinks between cells, which a C1 field does not have.
+    over the grid, for q = 1, |k| and k^2 (no |k| in 3-D), with `order` Gauss points per axis and
+    cell.  NaN cells are left out, and so are kinks between cells, which a C1 field does not have.
 
-    Raises
-    ------
-    ValueError
-        For a field that is not 2-D, or traced.
-    """
-    if field.ndim != 2:
-        raise ValueError(
-            f"field must be 2-D to have contour lines, got {field.ndim}-D; "
-            "take a slice of the samples, or surface_coarea"
-        )
-    length, turning, bending = _sums(field, order)
-    return Coarea(length, turning, bending)
-
-
-def surface_coarea(field: BezierField, order: int = 4) -> SurfaceCoarea:
-    """Area and bending of the isosurfaces of all levels at once.
-
-    As `coarea`, with the mean curvature H of the isosurface through each point::
-
-        area = integral of |grad f|,  bending = integral of H^2 |grad f|  over the grid
+    Returns
+    -------
+    Coarea or SurfaceCoarea
+        Length, turning and bending of a 2-D field; area and bending of a 3-D one.
 
     Raises
     ------
     ValueError
-        For a field that is not 3-D, or traced.
+        For a field that is traced.
 
     Examples
     --------
@@ -92,13 +77,13 @@ def surface_coarea(field: BezierField, order: int = 4) -> SurfaceCoarea:
     >>> from contourfair_jax import metrics
     >>> x = np.linspace(1.0, 2.0, 5)
     >>> radius = np.sqrt(x[:, None, None] ** 2 + x[:, None] ** 2 + x**2)
-    >>> round(metrics.surface_coarea(cf.fair_field(radius, spacing=0.25, origin=1.0)).area, 3)
+    >>> round(metrics.coarea(cf.fair_field(radius, spacing=0.25, origin=1.0)).area, 3)
     1.0
     """
-    if field.ndim != 3:
-        raise ValueError(f"field must be 3-D to have isosurfaces, got {field.ndim}-D; take coarea")
-    area, _, bending = _sums(field, order)
-    return SurfaceCoarea(area, bending)
+    size, turning, bending = _sums(field, order)
+    if field.ndim == 3:
+        return SurfaceCoarea(size, bending)
+    return Coarea(size, turning, bending)
 
 
 def _sums(field: BezierField, order: int) -> list[float]:
@@ -111,13 +96,13 @@ def _sums(field: BezierField, order: int) -> list[float]:
 
 
 def _slabs(field: BezierField, order: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Of slabs of cells, at Gauss points: |grad f| times their weight, and mean curvature."""
-    field = known(field)
+    """`|grad f|` times the weight, and mean curvature, at the Gauss points of slabs of cells."""
+    field, ndim = known(field), field.ndim
     net, spacing = np.asarray(field.control_points), np.asarray(field.spacing, dtype=np.float64)
     cells = [n - 1 for n in field.shape]
     at, weights = quadrature(order)
     rows = [bernstein_derivative(k, at) for k in range(3)]
-    step = max(1, _POINTS // (order**field.ndim * math.prod(cells[1:])))
+    step = max(1, _POINTS // (order**ndim * math.prod(cells[1:])))
     for start in range(0, cells[0], step):
         part = net[3 * start : 3 * min(start + step, cells[0]) + 1].astype(np.float64)
         found: dict[tuple[int, ...], np.ndarray] = {(): part}
@@ -127,10 +112,14 @@ def _slabs(field: BezierField, order: int) -> Iterator[tuple[np.ndarray, np.ndar
                 for counts, values in found.items()
                 for k in range(3 - sum(counts))
             }
-        measure, bend = _shape(found, field.ndim)
+        gradient, second = (
+            [found[tuple(axes.count(k) for k in range(ndim))] for axes in derivatives(n, ndim)]
+            for n in (1, 2)
+        )
+        measure, bend = host_mean_curvature(gradient, second)
         for axis, length in enumerate(spacing):
             along = np.repeat(weights * length, measure.shape[axis] // order)
-            measure = measure * np.expand_dims(along, [k for k in range(field.ndim) if k != axis])
+            measure = measure * np.expand_dims(along, [k for k in range(ndim) if k != axis])
         yield measure, bend
 
 
@@ -143,22 +132,3 @@ def _sections(net: np.ndarray, axis: int, weights: np.ndarray) -> np.ndarray:
     fours = np.stack([p[:-1:3], p[1::3], p[2::3], p[3::3]])
     mixed = np.tensordot(weights, fours, 1)
     return np.moveaxis(mixed.reshape(-1, *p.shape[1:]), 0, axis)
-
-
-def _shape(found: dict[tuple[int, ...], np.ndarray], ndim: int) -> tuple[np.ndarray, np.ndarray]:
-    """|g| and `(tr H - n H n) / ((d - 1) |g|)`, from derivatives by their orders along the axes."""
-
-    def partial(*axes: int) -> np.ndarray:
-        return found[tuple(axes.count(k) for k in range(ndim))]
-
-    gradient = [partial(k) for k in range(ndim)]
-    squared = sum(g * g for g in gradient)
-    trace = sum(partial(k, k) for k in range(ndim))
-    along = sum(
-        (1 if a == b else 2) * partial(a, b) * gradient[a] * gradient[b]
-        for a, b in derivatives(2, ndim)
-    )
-    size = np.sqrt(squared)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bend = np.where(squared > 0, (trace - along / squared) / ((ndim - 1) * size), 0)
-    return size, bend

@@ -1,19 +1,19 @@
 """Multilinear interpolation beside the fair field, level by level."""
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, ParamSpec
 
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Array, Real
 
 from .._bezier.linear import refine_linearly
 from .._fair import fair_field
-from .._fairing.method import AbstractFairing
 from .._field import BezierField
 from .._level_sets import Levels, check_levels
 from .._support.checks import Scalar
+from .._support.public import warn_former
 from ._lines import LevelMetrics, level_metrics
 from ._parts import Change, changes
 from ._surfaces import SurfaceMetrics, level_surfaces
@@ -35,7 +35,7 @@ COLUMNS = {
     },
 }
 
-# Of contours and of isosurfaces, in cells.
+# In cells: of contours, and of isosurfaces.
 TOLERANCES = {2: 1e-3, 3: 0.05}
 
 
@@ -65,6 +65,9 @@ def figures(metrics: LevelMetrics | SurfaceMetrics, ndim: int) -> list[float]:
 
 # Changes that are printed.
 _LISTED = 10
+# What `compare` took of `fair_field`.
+_SETTINGS = ("spacing", "origin", "method")
+Params = ParamSpec("Params")
 
 
 @dataclass(frozen=True)
@@ -103,24 +106,33 @@ class Comparison:
         return "\n".join(rows)
 
 
+def _formerly_of_values(compare: Callable[Params, Comparison]) -> Callable[Params, Comparison]:
+    """A decorator: samples are faired, as before, with the settings of `fair_field`."""
+
+    @functools.wraps(compare)
+    def call(*args: Any, **kwargs: Any) -> Comparison:
+        if (args and isinstance(args[0], BezierField)) or "field" in kwargs:
+            return compare(*args, **kwargs)
+        warn_former("compare(values, ...)", "compare(fair_field(values, ...), ...)")
+        if not args:
+            args = (kwargs.pop("values"),)
+        settings = {name: kwargs.pop(name) for name in _SETTINGS if name in kwargs}
+        return compare(fair_field(args[0], **settings), *args[1:], **kwargs)  # pyright: ignore
+
+    return call
+
+
+@_formerly_of_values
 def compare(
-    values: Real[Array | np.ndarray, "*samples"],
-    levels: Levels | None = None,
-    *,
-    spacing: ArrayLike | Sequence[float] = 1.0,
-    origin: ArrayLike | Sequence[float] = 0.0,
-    method: AbstractFairing | None = None,
-    tolerance: Scalar | None = None,
+    field: BezierField, levels: Levels | None = None, *, tolerance: Scalar | None = None
 ) -> Comparison:
-    """Contours, or isosurfaces, of the multilinear interpolant beside those of the fair field.
+    """Contours, or isosurfaces, of the multilinear interpolant beside those of a field.
 
     Parameters
     ----------
-    values : array, shape (n_1, n_2) or (n_1, n_2, n_3)
+    field : BezierField
     levels : float or sequence of float
         By default the 10 inner ones of 12 equally spaced over the range of the samples.
-    spacing, origin, method
-        As for `fair_field`.
     tolerance : float
         Of the contours or isosurfaces, in cells; by default 1e-3 of contours, 0.05 of isosurfaces.
 
@@ -131,19 +143,13 @@ def compare(
         the bending of a trilinear isosurface has that of its kinks in it, each rounded over a
         quarter of the smallest spacing.  Parts of volumes are followed from sample to sample
         on grids of half the spacing: what the fair field has between these is not in `changes`.
-        Both fields are measured in the cells where the fair one has values.
+        Both fields are measured in the cells where the given one has values.
 
     Raises
     ------
     ValueError
-        For values that are not 2-D or 3-D, and as `fair_field`.
+        For levels that are not finite, and for a field that is traced.
     """
-    ndim = np.ndim(values)
-    if ndim not in COLUMNS:
-        raise ValueError(
-            f"values must be 2-D to compare contours, or 3-D to compare isosurfaces, got {ndim}-D"
-        )
-    field = fair_field(values, spacing=spacing, origin=origin, method=method)
     samples = np.asarray(field.samples, dtype=np.float64)
     plain = bilinear_field(field)
     if levels is None:

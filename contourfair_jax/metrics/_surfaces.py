@@ -10,7 +10,7 @@ from .._bezier.host import HostField, known
 from .._field import BezierField
 from .._support.checks import Scalar
 from ..isosurface import Isosurface, isosurface
-from ..isosurface._mesh import connect, edges_of
+from ..isosurface._mesh import connect, edges_of, triangle_normals
 
 # Slopes on both sides of a face that differ by no more, relatively, are the same.
 _SMOOTH = 1e-6
@@ -88,7 +88,7 @@ class SurfaceMetrics:
         Vertices less edges plus triangles: 2 for each sphere, less 2 for each handle, less 1 for
         each further border.
     watertight : bool
-        Whether every edge has two triangles.
+        Whether the surface is closed, as of `Isosurface`.
     """
 
     level: float
@@ -101,9 +101,7 @@ class SurfaceMetrics:
 
 def surface_metrics(surface: Isosurface) -> SurfaceMetrics:
     """Metrics of one isosurface; those of one without triangles are 0."""
-    corners = surface.vertices[surface.triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = 0.5 * np.linalg.norm(across, axis=1)
+    area = 0.5 * np.linalg.norm(triangle_normals(surface.vertices, surface.triangles), axis=1)
     squared = surface.mean_curvature[surface.triangles] ** 2
     edges = edges_of(surface.triangles)
     parts = np.unique(connect(len(surface.vertices), edges.ends.T))

@@ -4,12 +4,12 @@ Matplotlib is imported when a picture is drawn, and drawn on plain `Figure` obje
 needed, and nothing of `pyplot`'s state is touched.
 """
 
-from .._bezier.linear import BilinearField as BilinearField
+from .._support.public import public as _public
 from ._figures import compare_figure as compare_figure
 from ._figures import contour_figure as contour_figure
 from ._figures import plot_contours as plot_contours
 from ._figures import save_figure as save_figure
-from ._levels import draw_bands as draw_bands
+from ._levels import draw_filled as draw_filled
 from ._levels import draw_lines as draw_lines
 from ._levels import level_colors as level_colors
 from ._surfaces import draw_surface as draw_surface
@@ -17,11 +17,10 @@ from ._surfaces import surface_figure as surface_figure
 from ._values import Refinable as Refinable
 
 __all__ = [
-    "BilinearField",
     "Refinable",
     "compare_figure",
     "contour_figure",
-    "draw_bands",
+    "draw_filled",
     "draw_lines",
     "draw_surface",
     "level_colors",
@@ -29,3 +28,15 @@ __all__ = [
     "save_figure",
     "surface_figure",
 ]
+
+_public(
+    __name__,
+    "one of its functions, such as contourfair_jax.plot.contour_figure(field, levels)",
+    {
+        "BilinearField": (
+            "contourfair_jax._bezier.linear.BilinearField",
+            "contourfair_jax.metrics.bilinear_field",
+        ),
+        "draw_bands": "contourfair_jax.plot.draw_filled",
+    },
+)

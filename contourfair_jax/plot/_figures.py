@@ -47,7 +47,7 @@ def plot_contours(
     Parameters
     ----------
     field
-        A `BezierField` or `BilinearField`.
+        A `BezierField`, as of `fair_field` or `metrics.bilinear_field`.
     levels
         The values to draw lines at.
     ax

@@ -33,7 +33,7 @@ def draw_lines(
     return drawn
 
 
-def draw_bands(bands: Sequence[Band], ax: Axes) -> PathCollection:
+def draw_filled(bands: Sequence[Band], ax: Axes) -> PathCollection:
     """Add bands to Matplotlib axes, axis 1 to the right, coloured from low to high."""
     from matplotlib.collections import PathCollection
     from matplotlib.path import Path as Outline
@@ -132,7 +132,7 @@ def fill_bands(ax: Axes, bands: Bands, frame: Frame, ends: tuple[float, float]) 
     limits[0] = max(limits[0], min(ends[0], limits[1] - least))
     limits[-1] = min(limits[-1], max(ends[1], limits[-2] + least))
     colors = colormaps[SHADES](np.linspace(0.0, 1.0, len(kept)))
-    drawn = draw_bands(placed, ax)
+    drawn = draw_filled(placed, ax)
     drawn.set_cmap(ListedColormap(_WHITE + (1 - _WHITE) * colors))
     drawn.set_norm(BoundaryNorm(limits, len(kept)))
     drawn.set_array(0.5 * (limits[:-1] + limits[1:]))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Refinable(Protocol):
-    """What can be drawn: a `BezierField`, or a `BilinearField`."""
+    """What can be drawn: a `BezierField`, or another field that refines itself."""
 
     @property
     def shape(self) -> tuple[int, ...]:

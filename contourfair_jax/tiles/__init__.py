@@ -12,6 +12,7 @@ on all samples around.  With ``fill=False`` gaps of any size stay missing; cells
 reach beyond a tile may have seams up to 1e-3, of which a warning tells.
 """
 
+from .._support.public import public as _public
 from ._devices import refine_sharded as refine_sharded
 from ._job import Outcome as Outcome
 from ._refine import refine_tiles as refine_tiles
@@ -23,3 +24,8 @@ __all__ = [
     "refine_tiles",
     "refine_to",
 ]
+
+_public(
+    __name__,
+    "contourfair_jax.tiles.refine_tiles or refine_to",
+)

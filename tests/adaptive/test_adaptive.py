@@ -146,12 +146,12 @@ def test_vtk_has_the_leaves(ndim):
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, np.inf, "a", True])
-def test_bad_tolerances(tolerance):
-    with refused(ValueError, match="tolerance must be above zero"):
+def test_bad_errors(tolerance):
+    with refused(ValueError, match="error must be above zero"):
         adaptive(bump(2), tolerance)
 
 
-def test_a_tolerance_that_is_too_fine(monkeypatch):
+def test_an_error_that_is_too_small(monkeypatch):
     monkeypatch.setattr("contourfair_jax.adaptive._adaptive.MOST_DEPTH", 3)
     with pytest.raises(ValueError, match="halved more than 3 times"):
         noise((3, 3)).adaptive(1e-9)
@@ -160,8 +160,8 @@ def test_a_tolerance_that_is_too_fine(monkeypatch):
 @pytest.mark.parametrize(
     ("tolerance", "memory", "message"),
     [
-        (1e-12, 1 << 40, "halved more than 10 times; use a larger one"),
-        (1e-5, 1 << 25, "tolerance 1e-05, with about .* leaves, needs .* MiB"),
+        (1e-12, 1 << 40, "halved more than 10 times; allow a larger one"),
+        (1e-5, 1 << 25, "an error of 1e-05, with about .* leaves, needs .* MiB"),
     ],
 )
 def test_what_cannot_be_reached_is_refused_early(monkeypatch, tolerance, memory, message):
@@ -205,8 +205,15 @@ def test_the_border_is_inside_far_from_zero():
 
 
 @pytest.mark.parametrize("number", [np.float32(0.25), jnp.float32(0.25), np.array(0.25)])
-def test_a_tolerance_may_be_any_scalar(number):
+def test_an_error_may_be_any_scalar(number):
     assert len(bump(2).adaptive(number)) == len(bump(2).adaptive(0.25))
+
+
+def test_a_tolerance_is_the_former_name_of_the_error():
+    for find in (bump(2).adaptive, lambda **given: adaptive(bump(2), **given)):
+        with pytest.warns(DeprecationWarning, match=r"tolerance= of .*adaptive .* use error="):
+            found = find(tolerance=0.25)
+        assert len(found) == len(bump(2).adaptive(error=0.25))
 
 
 def test_bad_points():

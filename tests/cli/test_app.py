@@ -19,6 +19,7 @@ from rasterio.transform import Affine
 
 import contourfair_jax as cf
 from contourfair_jax import cli, plot
+from contourfair_jax._bezier.linear import BilinearField
 from contourfair_jax.cli._compare import busiest_window
 from contourfair_jax.cli._console import Reporter
 from contourfair_jax.cli._levels import choose_levels, even_levels, interval_levels, listed_levels
@@ -465,18 +466,18 @@ def test_compare_shows_a_part(run, tmp_path):
 
 def test_bilinear_is_aligned_on_the_samples_and_linear_between():
     samples = np.array([[0.0, 2.0, np.nan], [4.0, 10.0, 1.0]])
-    fine = plot.BilinearField(samples).refine(2)
+    fine = BilinearField(samples).refine(2)
     assert fine.shape == (3, 5)
     np.testing.assert_array_equal(fine[::2, ::2], samples)
     assert fine[1, 1] == 4.0
     assert np.isnan(fine[0, 3])
     assert fine[2, 3] == 5.5
     with pytest.raises(ValueError, match="samples must be 2-D, got 3-D"):
-        plot.BilinearField(np.zeros((2, 2, 2)))
+        BilinearField(np.zeros((2, 2, 2)))
 
 
 def test_plot_contours_draws_what_it_is_given():
-    field = plot.BilinearField(hill(), spacing=(30.0, 20.0), origin=(100.0, 50.0))
+    field = BilinearField(hill(), spacing=(30.0, 20.0), origin=(100.0, 50.0))
     ax = plot.plot_contours(field, [50.0, 100.0, 999.0], refine=4, title="hill")
     assert ax.get_xlim() == (50.0, 250.0)
     assert ax.get_ylim() == (340.0, 100.0)
@@ -526,7 +527,7 @@ def test_plots_refuse_what_cannot_be_drawn(tmp_path):
         plot.plot_contours(volume, [0.0])
     with pytest.raises(ValueError, match="fields must hold at least one"):
         plot.compare_figure({}, [0.0])
-    figure = plot.compare_figure({"a": plot.BilinearField(hill())}, [50.0])
+    figure = plot.compare_figure({"a": BilinearField(hill())}, [50.0])
     with pytest.raises(InputError, match=r"pictures are written as \.png"):
         plot.save_figure(figure, tmp_path / "a.pdf")
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 import contourfair_jax as cf
 from contourfair_jax import export, metrics, plot
+from contourfair_jax._bezier.linear import BilinearField
 from contourfair_jax.contours import Band, contours
 from contourfair_jax.io import Grid, InputError, MissingPackageError
 from contourfair_jax.plot._frame import frame_of
@@ -88,7 +89,7 @@ def test_geopackage_replaces_and_holds_valid_bands(terrain, tmp_path):
     grid, field = terrain
     bands = field.filled([-np.inf, *LEVELS, np.inf])
     for _ in range(2):
-        export.write_bands(tmp_path / "bands.gpkg", bands, grid)
+        export.write_filled(tmp_path / "bands.gpkg", bands, grid)
     frame = geopandas.read_file(tmp_path / "bands.gpkg")
     assert frame.geometry.is_valid.all()
     np.testing.assert_allclose(frame.area, [band.area for band in bands], rtol=1e-6)
@@ -100,7 +101,7 @@ def test_geojson_of_bands(terrain, crs, tmp_path):
     grid, field = terrain
     grid = Grid(grid.values, affine=NORTH_UP, crs=crs)
     bands = field.filled([-np.inf, *LEVELS])
-    notes = export.write_bands(tmp_path / "bands.json", bands, grid)
+    notes = export.write_filled(tmp_path / "bands.json", bands, grid)
     assert len(notes) == (crs != "EPSG:4326")
     stored = json.loads((tmp_path / "bands.json").read_text())
     assert ("crs" in stored) == (crs == UTM)
@@ -124,7 +125,7 @@ def test_slivers_of_bands_are_not_folded(tmp_path):
         ]
     )
     band = Band(0.0, 1.0, ((ring[::-1],),))
-    export.write_bands(tmp_path / "bands.geojson", [band], Grid(np.ones((3, 3)), crs="EPSG:4326"))
+    export.write_filled(tmp_path / "bands.geojson", [band], Grid(np.ones((3, 3)), crs="EPSG:4326"))
     (feature,) = json.loads((tmp_path / "bands.geojson").read_text())["features"]
     assert shapely.geometry.shape(feature["geometry"]).is_valid
 
@@ -146,17 +147,17 @@ def test_unknown_endings_are_refused(field, tmp_path):
     with pytest.raises(InputError, match=r"must end in .geojson, .json, .gpkg, .csv, .svg"):
         export.write_lines(tmp_path / "a.dxf", [], grid)
     with pytest.raises(InputError, match=r"must end in .geojson, .json, .gpkg"):
-        export.write_bands(tmp_path / "a.csv", [], grid)
+        export.write_filled(tmp_path / "a.csv", [], grid)
 
 
 def test_pictures(field):
     figure = Figure()
     ax = figure.add_subplot()
     lines = contours(field, LEVELS)
-    drawn = export.draw_lines(lines, ax)
+    drawn = plot.draw_lines(lines, ax)
     assert len(drawn.get_segments()) == len(lines)
-    assert export.draw_lines(lines, ax, color="k").get_color()[0][0] == 0
-    bands = export.draw_bands(field.filled([-np.inf, *LEVELS, np.inf]), ax)
+    assert plot.draw_lines(lines, ax, color="k").get_color()[0][0] == 0
+    bands = plot.draw_filled(field.filled([-np.inf, *LEVELS, np.inf]), ax)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     image = np.asarray(canvas.buffer_rgba())
@@ -234,7 +235,7 @@ def test_pictures_show_nothing_outside_the_cells_that_have_values(field, refine)
     values[2, 5] = values[4, 5] = values[4, 6] = 5
     net = jnp.asarray(np.repeat(np.repeat(values, 3, 0), 3, 1)[1:-1, 1:-1])
     known = cf.BezierField(net, jnp.ones(2), jnp.zeros(2))
-    for each in (known, plot.BilinearField(values)):
+    for each in (known, BilinearField(values)):
         shown = plot.plot_contours(each, [], refine=refine).images[0].get_array()
         cell = slice(refine, 2 * refine + 1)
         expected = np.ones(shown.shape, bool)

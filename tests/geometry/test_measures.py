@@ -1,6 +1,7 @@
 """Differentiable geometry: against differences of what the host finds, and closed forms."""
 
 import itertools
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -38,12 +39,7 @@ def disk():
 
 @pytest.fixture(scope="module")
 def ball():
-    return field_of(hill(3, 9)), *mesh_of(field_of(hill(3, 9)))
-
-
-def mesh_of(field, level=LEVEL):
-    mesh = field.isosurface(level)
-    return mesh.vertices, mesh.triangles
+    return field_of(hill(3, 9)), field_of(hill(3, 9)).isosurface(LEVEL)
 
 
 def moved(field, direction, t):
@@ -147,21 +143,19 @@ def test_second_derivatives(disk, rng):
 
 @pytest.mark.slow
 def test_volume_and_surface_of_a_ball(ball, rng):
-    field, vertices, triangles = ball
+    field, surface = ball
     direction = direction_of(field, rng)
     radius = np.sqrt(-LEVEL)
 
-    def measures(t, level=LEVEL, mesh=(vertices, triangles)):
-        args = moved(field, direction, t), *mesh, level
+    def measures(t, mesh=surface):
+        args = moved(field, direction, t), mesh
         return jnp.stack([geometry.volume(*args), geometry.surface_area(*args)])
 
-    assert float(measures(0.0)[0]) == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.05)
-    assert float(geometry.willmore(*ball, LEVEL)) == pytest.approx(4 * np.pi, rel=0.1)
-    flipped = geometry.volume(field, vertices, triangles[:, ::-1], LEVEL)
-    assert float(flipped) == pytest.approx(float(measures(0.0)[0]), rel=1e-12)
+    assert float(-measures(0.0)[0]) == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.05)
+    assert float(geometry.bending(*ball)) == pytest.approx(4 * np.pi, rel=0.1)
     _, slopes = jax.jvp(measures, (0.0,), (1.0,))
     step = 1e-2
-    ends = [measures(t, mesh=mesh_of(moved(field, direction, t))) for t in (step, -step)]
+    ends = [measures(t, mesh=moved(field, direction, t).isosurface(LEVEL)) for t in (step, -step)]
     np.testing.assert_allclose(slopes, (ends[0] - ends[1]) / (2 * step), rtol=0.02)
 
 
@@ -332,9 +326,9 @@ def test_surfaces_that_end_at_missing_samples(gap, x64):
     field = cf.fair_field(samples, spacing=SPACING, method=cf.LocalFairing(iterations=0))
     mesh = field.isosurface(LEVEL)
     assert not mesh.watertight
-    found = geometry.surface_area(field, mesh.vertices, mesh.triangles, LEVEL)
+    found = geometry.surface_area(field, mesh)
     assert found == pytest.approx(mesh.area, rel=1e-4)
-    assert 0 < geometry.willmore(field, mesh.vertices, mesh.triangles, LEVEL) < 4 * np.pi
+    assert 0 < geometry.bending(field, mesh) < 4 * np.pi
 
 
 def test_derivative_of_an_area_in_the_samples(rng):
@@ -356,9 +350,47 @@ def test_derivative_of_an_area_in_the_samples(rng):
     assert float(in_spacing) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
 
 
+def test_measures_of_a_surface_are_those_of_the_mesh(ball):
+    """One sign: negative around larger values, as that of the mesh; the level can be changed."""
+    field, surface = ball
+    assert float(geometry.volume(field, surface)) == pytest.approx(surface.volume, rel=1e-6)
+    assert float(geometry.surface_area(field, surface)) == pytest.approx(surface.area, rel=1e-6)
+    turned = replace(surface, triangles=surface.triangles[:, ::-1])
+    assert float(geometry.volume(field, turned)) == pytest.approx(-surface.volume, rel=1e-6)
+    higher = field.isosurface(LEVEL + 0.02)
+    found = float(geometry.volume(field, surface, LEVEL + 0.02))
+    assert found == pytest.approx(higher.volume, rel=0.02)
+    assert abs(found) < abs(surface.volume)
+
+
+def test_surfaces_as_arrays_as_before(ball):
+    field, surface = ball
+    arrays = field, surface.vertices, surface.triangles
+    for call, sign in ((geometry.volume, -1), (geometry.surface_area, 1), (geometry.bending, 1)):
+        expected = sign * float(call(field, surface))
+        with pytest.warns(DeprecationWarning, match=r"use .*\(field, surface\)"):
+            assert float(call(*arrays, LEVEL)) == pytest.approx(expected, rel=1e-12)
+    with pytest.warns(DeprecationWarning, match=r"use volume\(field, surface\)"):
+        turned = geometry.volume(
+            field, vertices=arrays[1], triangles=arrays[2][:, ::-1], level=LEVEL
+        )
+    assert float(turned) == pytest.approx(-float(geometry.volume(field, surface)), rel=1e-12)
+
+
+def test_lines_are_the_former_name_of_what_bends(disk):
+    field, lines = disk
+    with pytest.warns(DeprecationWarning, match="lines= of bending .* use level_set="):
+        assert geometry.bending(field, lines=lines) == geometry.bending(field, lines)
+
+
 def test_bad_input(disk, ball):
     field, lines = disk
-    solid, vertices, triangles = ball
+    solid, surface = ball
+    vertices, triangles = surface.vertices, surface.triangles
+
+    def with_triangles(triangles, vertices=vertices):
+        return replace(surface, vertices=vertices, triangles=triangles)
+
     with pytest.raises(ValueError, match="lines must hold at least one line"):
         geometry.length(field, [])
     with pytest.raises(ValueError, match=r"lines must be closed .* got 1 that end"):
@@ -366,17 +398,19 @@ def test_bad_input(disk, ball):
     with pytest.raises(ValueError, match="field must be 2-D"):
         geometry.length(solid, lines)
     with pytest.raises(ValueError, match="field must be 3-D"):
-        geometry.volume(field, vertices, triangles, LEVEL)
+        geometry.volume(field, surface)
+    with pytest.raises(ValueError, match=r"surface must be an Isosurface, got Contours"):
+        geometry.surface_area(solid, lines)
     with pytest.raises(ValueError, match="got 3 open edges"):
-        geometry.volume(solid, vertices, triangles[1:], LEVEL)
+        geometry.volume(solid, with_triangles(triangles[1:]))
     with pytest.raises(ValueError, match=r"triangles must have shape \(m, 3\)"):
-        geometry.surface_area(solid, vertices, triangles[:, :2], LEVEL)
+        geometry.surface_area(solid, with_triangles(triangles[:, :2]))
     with pytest.raises(ValueError, match=r"triangles must have shape \(m, 3\)"):
-        geometry.volume(solid, vertices, triangles[:, :2], LEVEL)
+        geometry.volume(solid, with_triangles(triangles[:, :2]))
     with pytest.raises(ValueError, match="triangles must be whole numbers"):
-        geometry.volume(solid, vertices, triangles * 1.0, LEVEL)
+        geometry.volume(solid, with_triangles(triangles * 1.0))
     with pytest.raises(ValueError, match="numbers of the"):
-        geometry.surface_area(solid, vertices[:5], triangles, LEVEL)
+        geometry.surface_area(solid, with_triangles(triangles, vertices[:5]))
     with pytest.raises(ValueError, match="steps"):
         geometry.level_points(field, vertices[:, :2], LEVEL, -1)
     with pytest.raises(ValueError, match="points"):

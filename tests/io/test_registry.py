@@ -883,7 +883,7 @@ def test_geojson_is_in_world_coordinates_x_first(tmp_path):
         ("ESRI:4326", "ESRI:4326", True),
     ],
 )
-@pytest.mark.parametrize("store", [write_geojson, export.write_bands], ids=["lines", "bands"])
+@pytest.mark.parametrize("store", [write_geojson, export.write_filled], ids=["lines", "bands"])
 def test_geojson_names_the_crs(tmp_path, crs, member, told, store):
     grid = Grid(terrain(), affine=NORTH_UP, crs=crs)
     notes = store(tmp_path / "lines.geojson", [], grid)

@@ -193,7 +193,7 @@ def radii(low, high, size):
     return catmull_rom(samples, (high - low) / (size - 1), low)
 
 
-def test_surface_coarea_of_spheres():
+def test_coarea_of_spheres():
     """Of `|x|^2` on [1, 2]^3, exactly, as one cell: `|grad f| = 2 r` and H = 1 / r."""
     square = np.array([1, 5 / 3, 8 / 3, 4])
     net = square[:, None, None] + square[:, None] + square
@@ -201,12 +201,12 @@ def test_surface_coarea_of_spheres():
     at, weights = np.polynomial.legendre.leggauss(12)
     at, weights = 1.5 + at / 2, weights / 2
     radius = np.sqrt(at[:, None, None] ** 2 + at[:, None] ** 2 + at**2)
-    found = metrics.surface_coarea(field, order=6)
+    found = metrics.coarea(field, order=6)
     area, bending = (np.einsum("ijk,i,j,k", q, *[weights] * 3) for q in (2 * radius, 2 / radius))
     assert [found.area, found.bending] == pytest.approx([area, bending], rel=1e-8)
 
 
-def test_surface_coarea_of_a_shell():
+def test_coarea_of_a_shell():
     """Of cells between two spheres: the integral over their levels of 4 pi r^2, and of 4 pi."""
     field = radii(-1.0, 1.0, 41)
     inner, outer = 0.3, 0.95
@@ -222,7 +222,7 @@ def test_surface_coarea_of_a_shell():
         return BezierField(jnp.asarray(kept), field.spacing, field.origin)
 
     shell = between(inner, outer)
-    sums = metrics.surface_coarea(shell)
+    sums = metrics.coarea(shell)
     inside = np.isfinite(np.asarray(shell.bounds()[0]))
     centres = np.linspace(-0.975, 0.975, 40)
     radius = np.sqrt(centres[:, None, None] ** 2 + centres[:, None] ** 2 + centres**2)[inside]
@@ -233,14 +233,14 @@ def test_surface_coarea_of_a_shell():
     assert 0.7 < sums.bending / (4 * np.pi * (outer - inner)) < 1
 
 
-def test_surface_coarea_is_the_sum_over_levels():
+def test_coarea_is_the_sum_over_levels():
     x = np.linspace(-1, 1, 9)
     samples = np.exp(-(x[:, None, None] ** 2) - 1.5 * x[:, None] ** 2 - 0.5 * x**2)
     field = catmull_rom(samples, np.array([0.5, 0.6, 0.7]), 1.0)
     low, high = float(samples.min()), float(samples.max())
     levels = low + (high - low) * (np.arange(40) + 0.5) / 40
     each = [metrics.surface_metrics(field.isosurface(level, 0.02)) for level in levels.tolist()]
-    found = metrics.surface_coarea(field)
+    found = metrics.coarea(field)
     width = (high - low) / len(levels)
     assert sum(one.area for one in each) * width == pytest.approx(found.area, rel=0.01)
     assert sum(one.bending for one in each) * width == pytest.approx(found.bending, rel=0.03)
@@ -248,18 +248,16 @@ def test_surface_coarea_is_the_sum_over_levels():
 
 def test_coarea_works_in_slabs(bowl, monkeypatch):
     fields = catmull_rom(samples_of("noise", GRID)), radii(0.0, 1.0, 5)
-    whole = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
+    whole = metrics.coarea(fields[0]), metrics.coarea(fields[1])
     monkeypatch.setattr("contourfair_jax.metrics._coarea._POINTS", 1)
-    parts = metrics.coarea(fields[0]), metrics.surface_coarea(fields[1])
+    parts = metrics.coarea(fields[0]), metrics.coarea(fields[1])
     for one, other in zip(whole, parts, strict=True):
         assert list(vars(one).values()) == pytest.approx(list(vars(other).values()), rel=1e-12)
 
 
-def test_coarea_is_of_one_dimension(bowl):
-    with pytest.raises(ValueError, match=r"field must be 2-D .* surface_coarea"):
-        metrics.coarea(radii(0.0, 1.0, 4))
-    with pytest.raises(ValueError, match=r"field must be 3-D .* take coarea"):
-        metrics.surface_coarea(bowl)
+def test_coarea_of_lines_and_surfaces(bowl):
+    assert isinstance(metrics.coarea(bowl), metrics.Coarea)
+    assert isinstance(metrics.coarea(radii(0.0, 1.0, 4)), metrics.SurfaceCoarea)
 
 
 # Overshoot and jumps -----------------------------------------------------------------------
@@ -343,7 +341,7 @@ def test_components_of_volumes_agree_with_a_fine_grid():
 @pytest.mark.slow
 def test_a_thin_ridge_is_joined():
     case = cases.ANALYTIC["ridge"]
-    found = metrics.compare(case.samples(), spacing=case.spacing, origin=-1.0)
+    found = metrics.compare(cf.fair_field(case.samples(), spacing=case.spacing, origin=-1.0))
     plain, fair = (sum(each.components for each in side) for side in (found.bilinear, found.fair))
     assert plain > fair
     merged = [change for change in found.changes if change.kind == "merged"]
@@ -358,7 +356,7 @@ def test_both_fields_are_compared_in_the_same_cells(method):
     x = np.linspace(-1, 1, 12)
     plane = x[:, None] + 0.5 * x
     plane[5, 5] = plane[9, 0] = np.nan
-    found = metrics.compare(plane, [0.0, 0.3], method=method)
+    found = metrics.compare(cf.fair_field(plane, method=method), [0.0, 0.3])
     for plain, fair in zip(found.bilinear, found.fair, strict=True):
         assert plain.length == pytest.approx(fair.length, rel=1e-5)
         assert (plain.components, plain.holes) == (fair.components, fair.holes)
@@ -375,15 +373,22 @@ def test_a_bilinear_field_is_nan_where_the_fair_one_is():
 
 
 def test_a_comparison_prints_a_table():
-    text = str(metrics.compare(samples_of("cone", GRID), [0.4, 0.6]))
+    text = str(metrics.compare(cf.fair_field(samples_of("cone", GRID)), [0.4, 0.6]))
     assert len(text.splitlines()) == 4
     assert "bilinear" in text
     assert "places merged: 0, split: 0" in text
 
 
-def test_comparison_of_signals_is_refused():
-    with pytest.raises(ValueError, match=r"values must be 2-D .* or 3-D .* got 1-D"):
-        metrics.compare(np.zeros(4))
+def test_samples_are_compared_as_before():
+    """As `compare` was called formerly, with settings of `fair_field`."""
+    samples = samples_of("cone", GRID)
+    expected = metrics.compare(cf.fair_field(samples, spacing=0.5), [0.4, 0.6])
+    for given in ({}, {"values": samples}):
+        with pytest.warns(DeprecationWarning, match=r"use compare\(fair_field\(values"):
+            found = metrics.compare(
+                *(() if given else (samples,)), levels=[0.4, 0.6], spacing=0.5, **given
+            )
+        assert found == expected
 
 
 @pytest.mark.slow
@@ -394,7 +399,7 @@ def test_a_thin_rod_is_joined():
         [x[:, None, None] - 0.8 * x + 0 * x[:, None], x[:, None] + 0.5 * x + 0 * x[:, None, None]]
     )
     samples = np.exp(-((5 * across) ** 2).sum(0))
-    found = metrics.compare(samples, [0.3, 0.45, 0.6], spacing=0.25, origin=-1.0)
+    found = metrics.compare(cf.fair_field(samples, spacing=0.25, origin=-1.0), [0.3, 0.45, 0.6])
     plain, fair = (sum(each.components for each in side) for side in (found.bilinear, found.fair))
     assert plain > fair
     merged = [change for change in found.changes if change.kind == "merged"]
@@ -413,7 +418,7 @@ def test_volumes_are_compared_in_the_same_cells():
     x = np.linspace(-1, 1, 7)
     plane = x[:, None, None] + 0.5 * x[:, None] + 0.2 * x
     plane[2, 3, 3] = plane[5, 0, 6] = np.nan
-    found = metrics.compare(plane, [0.1])
+    found = metrics.compare(cf.fair_field(plane), [0.1])
     (plain,), (fair,) = found.bilinear, found.fair
     assert plain.area == pytest.approx(fair.area, rel=1e-5)
     assert plain.euler_characteristic == fair.euler_characteristic

@@ -103,8 +103,8 @@ def feature_collection(grid: Grid) -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def _epsg(crs: str) -> str | None:
-    found = _EPSG.search(crs)
-    return next(filter(None, found.groups()), None) if found else None
+    match = _EPSG.search(crs)
+    return next(filter(None, match.groups()), None) if match else None
 
 
 def _line_feature(line: ContourLine, grid: Grid) -> dict[str, object]:

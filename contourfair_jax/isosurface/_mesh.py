@@ -7,7 +7,7 @@ triangles is another question: whether the mesh is a manifold.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ import numpy as np
 Points = TypeVar("Points", jax.Array, np.ndarray)
 
 
+@runtime_checkable
 class TriangleMesh(Protocol):
     """The mesh of one level: an `Isosurface`, or one of another program.
 

@@ -25,7 +25,7 @@ _PART, _ROUNDINGS = 5e-10, 2
 
 @dataclass(frozen=True)
 class Values:
-    """What the finite samples of a net are like; all zero where there is none.
+    """Range and precision of the finite samples of a net; all zero where there is none.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Values:
 
     @property
     def middle(self) -> float:
-        """What is taken off before tracing."""
+        """The value that is taken off before tracing."""
         return 0.5 * self.low + 0.5 * self.high
 
     @property
@@ -54,7 +54,7 @@ class Values:
         return self.high - self.low
 
     def shift(self) -> float:
-        """By how much levels are raised."""
+        """The value that levels are raised by."""
         return max(_PART * self.spread, _ROUNDINGS * self.rounding)
 
     def placed(self, levels: np.ndarray) -> np.ndarray:
@@ -73,7 +73,7 @@ def values_of(net: np.ndarray) -> Values:
 
 
 def distinct(levels: np.ndarray, least: float) -> np.ndarray:
-    """Of sorted levels those that are more than `least` above the one kept before."""
+    """Sorted levels without those that are at most `least` above the one kept before."""
     if not (np.diff(levels) <= least).any():
         return levels
     kept = [levels[0]]
@@ -151,8 +151,6 @@ def listed(levels: np.ndarray, digits: str = ".10g") -> str:
 Levels: TypeAlias = Scalar | Sequence[Scalar] | Real[Array | np.ndarray, " levels"]
 MOST_LEVELS = 10_000
 LEAST_TOLERANCE = 1e-8
-
-
 # Levels where nothing says how many.
 USUAL_COUNT = 10
 

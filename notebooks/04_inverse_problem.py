@@ -38,8 +38,8 @@ jax.config.update("jax_enable_x64", True)
 #
 # Every third sample of the highest occupied orbital of benzene, 1 Bohr apart; the surface is where
 # it is 0.04. `geometry.volume` takes an isosurface, found on the host, and ties its vertices to
-# the field; like `surface.volume` it is negative around larger values. A point of the surface moves by `df / |grad f|`: voxels near the surface
-# count, most where the field is flat.
+# the field; like `surface.volume` it is negative around larger values. A point of the surface moves
+# by `df / |grad f|`: voxels near the surface count, most where the field is flat.
 
 # %%
 samples = jnp.asarray(

@@ -150,10 +150,10 @@ def _grid_coordinates(
     In float64 on the host where all of it is known there.
     """
     numbers: list[Any] = [points, spacing, origin]
-    if any(isinstance(each, jax.Array) for each in numbers):
-        numbers = [jnp.broadcast_to(each, points.shape) for each in finest(*numbers)]
+    if any(isinstance(number, jax.Array) for number in numbers):
+        numbers = [jnp.broadcast_to(array, points.shape) for array in finest(*numbers)]
     else:
-        numbers = [np.asarray(each, np.float64) for each in numbers]
+        numbers = [np.asarray(number, np.float64) for number in numbers]
     at, step, first = numbers
     grid, away = jnp.asarray((at - first) / step), jnp.asarray(abs(first / step))
     count = jnp.array([(n - 1) // 3 for n in net.shape], grid.dtype)
@@ -162,7 +162,7 @@ def _grid_coordinates(
 
 
 def _inverse_lengths(spacing: Float[Array, " ndim"], order: int, shape: tuple) -> Array:
-    """What turns derivatives per cell into derivatives per length, one for each derivative."""
+    """Factors from derivatives per cell to derivatives per length, one for each derivative."""
     inverse = 1 / spacing
     if order == 0:
         factors = jnp.ones((1,), spacing.dtype)

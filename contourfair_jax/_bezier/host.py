@@ -95,18 +95,20 @@ class HostField:
         points = np.where(inside[:, None], points, 0.0)
         cell = self.locate(points)
         local = (points - cell).T
-        found: dict[tuple[int, ...], np.ndarray] = {(): self.gather(cell)}
+        partials: dict[tuple[int, ...], np.ndarray] = {(): self.gather(cell)}
         for t in local:
             rows = [bernstein_derivative(k, t).T for k in range(order + 1)]
-            found = {
+            partials = {
                 (*counts, k): np.einsum("kn,k...n->...n", rows[k], part)
-                for counts, part in found.items()
+                for counts, part in partials.items()
                 for k in range(order + 1 - sum(counts))
             }
         return [
             np.stack(
                 [
-                    np.where(inside, found[tuple(axes.count(k) for k in range(self.ndim))], np.nan)
+                    np.where(
+                        inside, partials[tuple(axes.count(k) for k in range(self.ndim))], np.nan
+                    )
                     for axes in derivatives(n, self.ndim)
                 ]
             )

@@ -68,7 +68,7 @@ def is_flat(
     gradient: Float[Array, "*batch ndim"],
     spacing: Float[Array, " ndim"],
 ) -> Bool[Array, "*batch"]:
-    """Whether a gradient is no larger than the rounding of the values that it comes from."""
+    """True where a gradient is no larger than the rounding of the values that it comes from."""
     largest = jnp.max(jnp.abs(gradient) * jnp.broadcast_to(spacing, gradient.shape), axis=-1)
     return largest <= 8 * jnp.finfo(value.dtype).eps * jnp.abs(value)
 
@@ -122,5 +122,5 @@ def set_samples(net: Float[Array, "*net"], values: Float[Array, "*shape"]) -> Fl
 
 
 def cells_with_values(net: np.ndarray) -> np.ndarray:
-    """Which cells of a control net have finite points only."""
+    """True for the cells of a control net that have finite points only."""
     return np.isfinite(cell_extreme(net, np.minimum)) & np.isfinite(cell_extreme(net, np.maximum))

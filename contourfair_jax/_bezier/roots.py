@@ -87,7 +87,7 @@ def toward(
     level: float,
     rounding: float,
 ) -> np.ndarray:
-    """Where the field has a level on the line through each point, on the side the value asks for.
+    """The points of a level on lines through others, on the side that the values of these ask for.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _value_and_slope(
 
 
 def _to_border(field: HostField, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """How far it is to the border of the grid."""
+    """Distance to the border of the grid."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ahead = np.where(directions > 0, np.array(field.cells) - points, points)
         return np.where(directions == 0, np.inf, ahead / np.abs(directions)).min(1)

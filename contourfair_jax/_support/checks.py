@@ -13,16 +13,10 @@ from jaxtyping import Array, Float, Int, Real
 
 # One real number of any make.
 Scalar: TypeAlias = float | np.floating | np.integer | Real[Array | np.ndarray, ""]
-
-
 # Physical coordinates, also as nested lists.
 Points: TypeAlias = Real[ArrayLike, "*batch ndim"] | Sequence[Any]
-
-
 # How many times finer, along all axes or along each.
 Factors: TypeAlias = int | Sequence[int] | Int[np.ndarray, " ndim"]
-
-
 # The dimensions the method is written for.
 DIMENSIONS = (2, 3)
 

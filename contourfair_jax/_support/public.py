@@ -6,17 +6,18 @@ import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from types import ModuleType
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeAlias, TypeVar
 
 Params = ParamSpec("Params")
 Result = TypeVar("Result")
+Former: TypeAlias = Mapping[str, str | tuple[str, str]]
 
 
 class PublicModule(ModuleType):
     """A module whose `dir` is its `__all__`, and that says what to call where it is called."""
 
     _instead: str
-    _former: Mapping[str, str | tuple[str, str]]
+    _former: Former
 
     def __dir__(self) -> list[str]:
         own = vars(self)

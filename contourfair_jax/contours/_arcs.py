@@ -152,7 +152,7 @@ def concatenate(found: list[Arcs]) -> Arcs:
 
 
 def _pieces(cells: Cells, swapped: np.ndarray, levels: np.ndarray) -> _Pieces:
-    """What the signs at the corners and the crossings of edges a = 0 and a = 1 say."""
+    """Arcs from the signs at the corners and the crossings of edges a = 0 and a = 1."""
     count = cells.last - cells.first
     leaf, level = np.repeat(np.arange(len(cells)), count), ranges(cells.first, count)
     above = cells.points[::3, ::3].take(leaf, -1) > levels[level]

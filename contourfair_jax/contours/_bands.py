@@ -24,7 +24,7 @@ from ._trace import host_arrays, link, trace
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Where a field is above one level and at most at the next.
+    """The places where a field is above one level and at most at the next.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def filled(
         )
     finite = ends[np.isfinite(ends)]
     codes = Codes(len(finite), max(net.shape) // 3)
-    found, unproved = trace(net, values, finite, tolerance, codes, progress)
-    parts = list(link(found, codes))
+    all_arcs, unproved = trace(net, values, finite, tolerance, codes, progress)
+    parts = list(link(all_arcs, codes))
     samples = net[::3, ::3].astype(np.float64) - values.middle
     filler = Filler(samples, cells_with_values(net), parts, codes)
     limits = np.concatenate([ends[ends == -np.inf], values.placed(finite), ends[ends == np.inf]])
@@ -134,7 +134,7 @@ def filled(
     for k in range(len(ends) - 1):
         pair = int(number[k]), int(number[k + 1])
         polygons = filler.band(*pair, (limits[k], limits[k + 1]))
-        moved = [tuple(ring * spacing + origin for ring in polygon) for polygon in polygons]
-        bands.append(Band(float(ends[k]), float(ends[k + 1]), tuple(moved)))
+        placed = [tuple(ring * spacing + origin for ring in polygon) for polygon in polygons]
+        bands.append(Band(float(ends[k]), float(ends[k + 1]), tuple(placed)))
     notes = level_notes(asked, ends, values, net[::3, ::3]) + unproved_note(unproved, "bands")
     return Bands(tuple(bands), tuple(ends.tolist()), unproved, notes)

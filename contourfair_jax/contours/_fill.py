@@ -41,7 +41,7 @@ class Border:
     bounds: np.ndarray
 
     def loop(self, edge: np.ndarray) -> np.ndarray:
-        """Which loop edges belong to."""
+        """Numbers of the loops that edges belong to."""
         return np.searchsorted(self.bounds, edge, side="right") - 1
 
     def turns(self) -> np.ndarray:
@@ -76,7 +76,7 @@ def border_of(valid: np.ndarray) -> Border:
 
 
 def border_ends(border: Border, lines: Lines, codes: Codes) -> tuple[np.ndarray, np.ndarray]:
-    """Where on the border lines that are not closed start and stop.
+    """Edges of the border at which lines that are not closed start and stop.
 
     Returns
     -------

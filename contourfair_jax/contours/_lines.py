@@ -116,9 +116,9 @@ def contours(
     values = values_of(net)
     kept = distinct(chosen, values.shift())
     codes = Codes(len(kept), max(net.shape) // 3)
-    found, unproved = trace(net, values, kept, tolerance, codes, progress)
+    all_arcs, unproved = trace(net, values, kept, tolerance, codes, progress)
     lines = []
-    for part in link(found, codes):
+    for part in link(all_arcs, codes):
         part.points[:] = part.points * spacing + origin
         at, loops = kept[part.level].tolist(), part.closed.tolist()
         lines += [

@@ -62,7 +62,7 @@ class Cells:
         return self.points.shape[-1]
 
     def take(self, chosen: np.ndarray) -> "Cells":
-        """Those with the given indices, or where a mask is true."""
+        """The cells with the given indices, or where a mask is true."""
         if chosen.dtype == bool:
             chosen = np.flatnonzero(chosen)
         points, corner = self.points.take(chosen, -1), self.corner.take(chosen, -1)
@@ -197,7 +197,7 @@ def _transposed(cells: Cells, swapped: np.ndarray) -> Cells:
 
 
 def _strips(cells: Cells, tolerance: float, rounding: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which axis the lines are graphs over, and how many chords keep to the tolerance.
+    """The axis that lines are graphs over, and the number of chords that keeps to the tolerance.
 
     Returns
     -------
@@ -244,7 +244,7 @@ def _largest(differences: np.ndarray) -> np.ndarray:
 
 
 def _edges_crossed_once(cells: Cells, levels: np.ndarray) -> np.ndarray:
-    """Whether every level of a piece passes at most once between the points of edges 0 and 3."""
+    """True for pieces whose levels pass at most once between the points of edges 0 and 3."""
     once = np.full(len(cells), True)
     for edge in (cells.points[0], cells.points[3]):
         steps = np.diff(edge, axis=0)

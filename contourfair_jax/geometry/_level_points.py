@@ -46,7 +46,7 @@ class SidedField(eqx.Module):
 
     @classmethod
     def of(cls, field: BezierField, points: Float[ArrayLike, "*batch ndim"]) -> "SidedField":
-        """Of points counted from the first sample."""
+        """The field of a `BezierField` beside points, which are counted from the first sample."""
         net = field.control_points
         valid = ~jnp.isnan(cell_extreme(jax.lax.stop_gradient(net), jnp.maximum))
         cells, ends = _sides(valid, field.spacing, points)
@@ -62,7 +62,7 @@ class SidedField(eqx.Module):
         return value[..., 0], gradient
 
     def mean_curvature(self, points: Float[Array, "*batch ndim"]) -> Float[Array, "*batch"]:
-        """As that of `BezierField`."""
+        """Mean curvature of the level sets, as of `BezierField`."""
         value, gradient, second = self._partials(points, 2)
         hessian = full_hessian(second, self.net.ndim)
         return mean_curvature(value[..., 0], gradient, hessian, self.spacing)
@@ -109,7 +109,7 @@ def _sides(
         for axis in range(ndim):
             # Away from faces both cells along an axis are one, and what one holds both do.
             across = holds[number ^ 2 ** (ndim - 1 - axis)]
-            ends[axis] = jnp.where(first, ~across, ends[axis])
+            ends[axis] = jnp.where(first, ~across, ends[axis])  # pyright: ignore
         found = found | here
     whole = functools.reduce(jnp.logical_and, holds)
     fixed = (found & ~whole)[..., None]
@@ -165,8 +165,8 @@ def level_points(
     """
     checks.check_count(steps, 0, "steps")
     relative = places_of(field, points)
-    found = project(SidedField.of(field, relative), relative, level, steps)
-    placed, origin = finest(found, field.origin)
+    on_level = project(SidedField.of(field, relative), relative, level, steps)
+    placed, origin = finest(on_level, field.origin)
     return placed + jnp.broadcast_to(origin, placed.shape)
 
 

@@ -103,7 +103,7 @@ def bending(
         As for `length`, or for `surface_area`.
     """
     if hasattr(level_set, "triangles"):
-        points, triangles, normals, sided = _tied_mesh(field, level_set, level)
+        points, triangles, normals, sided = _tied_mesh(field, level_set, level)  # pyright: ignore
         squared = sided.mean_curvature(points) ** 2
         return jnp.sum(jnp.mean(squared[triangles], axis=1) * _norm(normals)) / 2
     points, follows, sided = _tied_lines(field, level_set, level)  # pyright: ignore

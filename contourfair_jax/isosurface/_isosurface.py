@@ -212,7 +212,7 @@ def _shape(
     rows, columns = np.triu_indices(3)
     first = first / spacing[:, None]
     second = second / (spacing[rows] * spacing[columns])[:, None]
-    size, mean = host_mean_curvature(first, second)
+    size, mean = host_mean_curvature(list(first), list(second))
     gaussian = host_gaussian_curvature(first.T, full_hessian(second.T, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         normals = (first / size).T

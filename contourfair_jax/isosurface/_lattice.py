@@ -85,17 +85,17 @@ def surface_of(
             check_memory(_BYTES_PER_VERTEX * total, "an isosurface of so many vertices")
     small, unproved = small_parts(field, active, mixed, level)
     surfaces = [_joined(field, parts, level, FACTOR)]
-    surfaces += [_joined(field, _march_pieces(each), level, each.factor) for each in small]
-    offsets = np.cumsum([0, *(len(each.vertices) for each in surfaces)])
-    triangles = [each.triangles + k for each, k in zip(surfaces, offsets[:-1], strict=True)]
-    vertices = np.concatenate([each.vertices for each in surfaces])
+    surfaces += [_joined(field, _march_pieces(pieces), level, pieces.factor) for pieces in small]
+    offsets = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
+    triangles = [surface.triangles + k for surface, k in zip(surfaces, offsets[:-1], strict=True)]
+    vertices = np.concatenate([surface.vertices for surface in surfaces])
     return Surface(vertices, np.concatenate(triangles)), unproved
 
 
 def _inside(
     field: HostField, active: np.ndarray, window: tuple[slice, ...], level: float
 ) -> np.ndarray:
-    """Which lattice points of a block are above the level."""
+    """True for the lattice points of a block that are above the level."""
     low = field.bounds[0][window]
     # What is not sampled is on one side; NaN counts as below, and its cubes are dropped later.
     above = _repeated(low > level)
@@ -113,7 +113,7 @@ def _inside(
 
 
 def _repeated(cells: np.ndarray) -> np.ndarray:
-    """What is known of cells for the cubes of the lattice."""
+    """Values of cells, repeated for the cubes of the lattice in them."""
     return np.repeat(cells, FACTOR, 0).repeat(FACTOR, 1).repeat(FACTOR, 2)
 
 

@@ -7,7 +7,7 @@ triangles is another question: whether the mesh is a manifold.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -70,13 +70,12 @@ def edges_of(triangles: np.ndarray) -> Edges:
 def triangle_normals(vertices: Points, triangles: np.ndarray) -> Points:
     """Normals of triangles, twice their area long; of arrays of NumPy or JAX."""
     first, second, third = (vertices[triangles[:, k]] for k in range(3))
-    if isinstance(vertices, np.ndarray):
-        return np.cross(second - first, third - first)
-    return jnp.cross(second - first, third - first)
+    numpy: Any = np if isinstance(vertices, np.ndarray) else jnp
+    return numpy.cross(second - first, third - first)
 
 
 def open_edges(triangles: np.ndarray) -> int:
-    """How many edges are passed more often in one direction than in the other: 0 if closed."""
+    """Number of edges passed more often in one direction than in the other: 0 if closed."""
     start = triangles.astype(np.int64)
     end = np.roll(start, -1, axis=1)
     edge = (np.minimum(start, end) << 32) | np.maximum(start, end)
@@ -122,7 +121,7 @@ def merged(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _without_folds(triangles: np.ndarray) -> np.ndarray:
-    """Which triangles stay when pairs of opposite ones are taken out."""
+    """True for the triangles that stay when pairs of opposite ones are taken out."""
     order = np.argsort(triangles, axis=1)
     ids, number = np.unique(np.sort(triangles, axis=1), axis=0, return_inverse=True)
     sides = np.where((order[:, 1] - order[:, 0]) % 3 == 1, 1, -1)
@@ -135,7 +134,7 @@ def _without_folds(triangles: np.ndarray) -> np.ndarray:
 
 
 def _rank(keys: np.ndarray) -> np.ndarray:
-    """How many equal keys come before each."""
+    """Number of equal keys before each."""
     order = np.argsort(keys, kind="stable")
     _, first, count = np.unique(keys[order], return_index=True, return_counts=True)
     rank = np.empty(len(keys), int)

@@ -62,8 +62,8 @@ def split(
 
 
 def _among(pairs: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Which pairs of numbers are among others."""
-    one, other = ((each[:, 0] << 32) | each[:, 1] for each in (pairs, others))
+    """True for pairs of numbers that are among others."""
+    one, other = ((rows[:, 0] << 32) | rows[:, 1] for rows in (pairs, others))
     return np.isin(one, other)
 
 
@@ -76,7 +76,7 @@ def _middles(
     tolerance: float,
     rounding: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the surface is at the middles of the chosen edges, and whether that is far."""
+    """The surface beside the middles of the chosen edges, and whether it is far from them."""
     first, last = (points[edges.ends[chosen, k]] for k in (0, 1))
     middle = 0.5 * (first + last)
     on_border = (first == 0) | (first == np.array(field.cells))
@@ -89,14 +89,14 @@ def _middles(
     far = ~(np.abs(value[0] - level) <= 0.5 * tolerance * steepness + rounding)
     reach = 0.5 * np.linalg.norm(last - first, axis=1, keepdims=True)
     near_border = (middle < reach) | (middle > np.array(field.cells) - reach)
-    found = np.full_like(middle, np.nan)
+    on_surface = np.full_like(middle, np.nan)
     # Along the border where the gradient leads out of the grid before the surface is met.
     for direction in (gradient, np.where(near_border, 0.0, gradient)):
         size = np.linalg.norm(direction, axis=1)
-        at = np.flatnonzero(far & (size > 0) & np.isnan(found[:, 0]))
+        at = np.flatnonzero(far & (size > 0) & np.isnan(on_surface[:, 0]))
         normal = direction[at] / size[at, None]
-        found[at] = toward(field, middle[at], normal, reach[at, 0], level, rounding)
-    return found, far & ~(np.linalg.norm(found - middle, axis=1) <= tolerance)
+        on_surface[at] = toward(field, middle[at], normal, reach[at, 0], level, rounding)
+    return on_surface, far & ~(np.linalg.norm(on_surface - middle, axis=1) <= tolerance)
 
 
 def _upright(
@@ -124,7 +124,7 @@ def _upright(
 def _upright_triangles(
     points: np.ndarray, normals: np.ndarray, triangles: np.ndarray
 ) -> np.ndarray:
-    """Which triangles face the way that the normals at their corners point."""
+    """True for triangles that face the way that the normals at their corners point."""
     return (triangle_normals(points, triangles) * normals[triangles].sum(1)).sum(1) > 0
 
 

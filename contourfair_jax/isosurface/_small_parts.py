@@ -47,9 +47,9 @@ class Pieces:
     outside: np.ndarray
 
     def take(self, chosen: np.ndarray) -> "Pieces":
-        """Those where a mask is true."""
+        """The pieces where a mask is true."""
         arrays = (self.corner, self.above, self.outside)
-        return Pieces(self.factor, *(each[chosen] for each in arrays))
+        return Pieces(self.factor, *(array[chosen] for array in arrays))
 
 
 def small_parts(
@@ -75,7 +75,7 @@ def small_parts(
         Cells with clusters in which no part was found and that were not proved empty.
     """
     cells, within = np.argwhere(active), None
-    found: list[Pieces] = []
+    apart_from_mesh: list[Pieces] = []
     for factor in _FACTORS:
         pieces = _pieces(field, cells, mixed, level, factor)
         if within is not None:
@@ -87,12 +87,12 @@ def small_parts(
         apart = ~_share(cluster, _touch(field, pieces, mixed))
         count = pieces.above.reshape(-1, 8).sum(1)
         holds = _share(cluster, (count > 0) & (count < 8))
-        found.append(pieces.take(apart & holds))
+        apart_from_mesh.append(pieces.take(apart & holds))
         within = pieces.take(apart & ~holds)
         cells = np.unique(within.corner // factor, axis=0)
         if not 0 < len(cells) <= _MOST_CELLS:
             break
-    return [each for each in found if len(each.corner)], len(cells)
+    return [pieces for pieces in apart_from_mesh if len(pieces.corner)], len(cells)
 
 
 def _pieces(
@@ -163,18 +163,18 @@ def _clusters(field: HostField, pieces: Pieces) -> np.ndarray:
 
 
 def _share(cluster: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Which pieces belong to clusters with a chosen one."""
+    """True for pieces in clusters with a chosen one."""
     marked = np.zeros(len(cluster), bool)
     marked[cluster[chosen]] = True
     return marked[cluster]
 
 
 def _touch(field: HostField, pieces: Pieces, mixed: np.ndarray) -> np.ndarray:
-    """Which pieces touch a mixed cube."""
-    found = np.zeros(len(pieces.corner), bool)
+    """True for pieces that touch a mixed cube."""
+    touching = np.zeros(len(pieces.corner), bool)
     per_cube = pieces.factor * field.cells[0] // mixed.shape[0]
     for step in itertools.product((-1, 0, 1), repeat=3):
         beside = (pieces.corner + np.array(step)) // per_cube
         inside = ((beside >= 0) & (beside < np.array(mixed.shape))).all(1)
-        found[inside] |= mixed[tuple(beside[inside].T)]
-    return found
+        touching[inside] |= mixed[tuple(beside[inside].T)]
+    return touching

@@ -49,7 +49,7 @@ class SurfaceCoarea:
 
 
 def coarea(field: BezierField, order: int = 4) -> Coarea | SurfaceCoarea:
-    """What the contours, or isosurfaces, of all levels have together.
+    """Integrals over all levels of what their contours, or isosurfaces, have.
 
     By the coarea formula, with the (mean) curvature k of the level set through each point::
 
@@ -105,15 +105,15 @@ def _slabs(field: BezierField, order: int) -> Iterator[tuple[np.ndarray, np.ndar
     step = max(1, _POINTS // (order**ndim * math.prod(cells[1:])))
     for start in range(0, cells[0], step):
         part = net[3 * start : 3 * min(start + step, cells[0]) + 1].astype(np.float64)
-        found: dict[tuple[int, ...], np.ndarray] = {(): part}
+        partials: dict[tuple[int, ...], np.ndarray] = {(): part}
         for axis, length in enumerate(spacing):
-            found = {
+            partials = {
                 (*counts, k): _sections(values, axis, rows[k] / length**k)
-                for counts, values in found.items()
+                for counts, values in partials.items()
                 for k in range(3 - sum(counts))
             }
         gradient, second = (
-            [found[tuple(axes.count(k) for k in range(ndim))] for axes in derivatives(n, ndim)]
+            [partials[tuple(axes.count(k) for k in range(ndim))] for axes in derivatives(n, ndim)]
             for n in (1, 2)
         )
         measure, bend = host_mean_curvature(gradient, second)

@@ -156,9 +156,9 @@ def compare(
         finite = samples[np.isfinite(samples)]
         levels = np.linspace(finite.min(), finite.max(), 12)[1:-1] if finite.size else finite
     chosen = check_levels(levels)
-    before, after = (measured(each, chosen, tolerance) for each in (plain, field))
-    moved = changes(plain, field, [each.level for each in after])
-    return Comparison(before, after, tuple(moved))
+    before, after = (measured(one, chosen, tolerance) for one in (plain, field))
+    parts = changes(plain, field, [metrics.level for metrics in after])
+    return Comparison(before, after, tuple(parts))
 
 
 def bilinear_field(field: BezierField) -> BezierField:

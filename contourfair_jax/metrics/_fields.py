@@ -1,4 +1,4 @@
-"""How far a field leaves the range of its samples, and how far it is from C1."""
+"""Figures of whole fields: what leaves the range of the samples, and jumps of slopes."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from .._field import BezierField
 
 
 def overshoot(field: BezierField) -> float:
-    """How far the field leaves the range of its samples, as a fraction of that range.
+    """Distance of the field from the range of its samples, as a fraction of that range.
 
     Parameters
     ----------

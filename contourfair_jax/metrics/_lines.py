@@ -12,7 +12,7 @@ from ..contours._line import signed_area
 
 @dataclass(frozen=True)
 class LevelMetrics:
-    """What the contour of one level looks like.
+    """Figures of the contour of one level.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def _bins(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _meet(a: np.ndarray, b: np.ndarray, p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Whether the segments a b and p q, whose boxes overlap, have a point in common."""
+    """True where the segments a b and p q, whose boxes overlap, have a point in common."""
     across = _side(a, b, p) * _side(a, b, q) <= 0
     return across & (_side(p, q, a) * _side(p, q, b) <= 0)
 
@@ -196,7 +196,7 @@ def _side(a: np.ndarray, b: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def crossings(lines: Sequence[ContourLine]) -> int:
-    """How many pairs of segments of all lines meet, other than neighbours on a line.
+    """Number of pairs of segments of all lines that meet, other than neighbours on a line.
 
     Lines of one level and of different levels, and lines with themselves; touching counts.
     """

@@ -79,7 +79,7 @@ def _through_cells(
 
 
 def _meet(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Whether `A C > B D` for any t in [0, 1] with A, C > 0; each from its value at 0 and at 1."""
+    """True for `A C > B D` at any t in [0, 1] with A, C > 0; each from its values at 0 and 1."""
     start, stop = np.zeros(a.shape[1]), np.ones(a.shape[1])
     with np.errstate(divide="ignore", invalid="ignore"):
         for first, last in (a, c):

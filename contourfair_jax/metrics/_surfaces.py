@@ -72,7 +72,7 @@ def _along_face(
 
 @dataclass(frozen=True)
 class SurfaceMetrics:
-    """What an isosurface looks like.
+    """Figures of an isosurface.
 
     Parameters
     ----------
@@ -127,10 +127,10 @@ def level_surfaces(
     the smallest spacing.
     """
     width = 0.25 * float(np.min(np.asarray(field.spacing)))
-    found = []
+    by_level = []
     for level in map(float, levels):
-        each = surface_metrics(isosurface(field, level, tolerance))
-        bending = each.bending + crease_bending(field, level, width)
-        found.append(replace(each, bending=bending))
+        metrics = surface_metrics(isosurface(field, level, tolerance))
+        bending = metrics.bending + crease_bending(field, level, width)
+        by_level.append(replace(metrics, bending=bending))
         step()
-    return found
+    return by_level

@@ -1,4 +1,4 @@
-"""Where a picture of a field lies: the coordinates of the file, their names, north up."""
+"""The place of a picture: the coordinates of the file, their names, north up."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NAMES = {"y": "latitude", "x": "longitude"}
 
 @dataclass(frozen=True)
 class Frame:
-    """What a picture shows along its axes, those of the array: 0 is vertical, 1 horizontal.
+    """The coordinates along the axes of a picture, those of the array: 0 vertical, 1 horizontal.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class Frame:
     aspect: float | None = 1.0
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """Where field coordinates, shape (..., 2), are shown."""
+        """The places at which field coordinates, shape (..., 2), are shown."""
         return np.asarray(points) * self.scale + self.offset
 
     def along(self, axis: int, first: float, last: float, size: int) -> np.ndarray:
-        """What is shown at `size` even steps between field coordinates of an axis."""
+        """The numbers shown at `size` even steps between field coordinates of an axis."""
         scale, offset = self.scale[axis], self.offset[axis]
         return np.linspace(offset + scale * first, offset + scale * last, size)
 

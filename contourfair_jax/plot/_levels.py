@@ -96,7 +96,7 @@ def draw_levels(ax: Axes, lines: Sequence[ContourLine], frame: Frame, label: boo
 
 
 def _label_places(ax: Axes, pieces: Sequence[Sequence[np.ndarray]]) -> list[tuple[float, float]]:
-    """Where labels go: on the longest line of some levels, halfway, where none is near."""
+    """Places of labels: on the longest line of some levels, halfway, where none is near."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     ax.apply_aspect()
@@ -107,7 +107,7 @@ def _label_places(ax: Axes, pieces: Sequence[Sequence[np.ndarray]]) -> list[tupl
         along = [np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum() for line in drawn]
         longest = int(np.argmax([lengths[-1] for lengths in along]))
         middle = drawn[longest][np.searchsorted(along[longest], along[longest][-1] / 2)]
-        apart = all(np.linalg.norm(middle - each) > _APART for each in chosen)
+        apart = all(np.linalg.norm(middle - place) > _APART for place in chosen)
         if along[longest][-1] > _LONG and apart:
             chosen.append(middle)
     back = to_inches.inverted()

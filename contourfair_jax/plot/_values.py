@@ -1,4 +1,4 @@
-"""What can be drawn; its values as colours, its samples as dots."""
+"""Fields in pictures: values as colours, samples as dots."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Refinable(Protocol):
-    """What can be drawn: a `BezierField`, or another field that refines itself."""
+    """A field that can be drawn: a `BezierField`, or another that refines itself."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -29,7 +29,7 @@ class Refinable(Protocol):
 
 
 def drawing_factor(shape: Sequence[int]) -> int:
-    """How much finer than the samples to draw: about 1000 along the longer axis, 4 at least."""
+    """Factor of the grid that is drawn: about 1000 along the longer axis, 4 at least."""
     return min(max(4, math.ceil(1000 / max(shape))), 32)
 
 

@@ -233,7 +233,7 @@ def test_coarea_of_a_shell():
     assert 0.7 < sums.bending / (4 * np.pi * (outer - inner)) < 1
 
 
-def test_coarea_is_the_sum_over_levels():
+def test_coarea_of_volumes_is_the_sum_over_levels():
     x = np.linspace(-1, 1, 9)
     samples = np.exp(-(x[:, None, None] ** 2) - 1.5 * x[:, None] ** 2 - 0.5 * x**2)
     field = catmull_rom(samples, np.array([0.5, 0.6, 0.7]), 1.0)

@@ -16,7 +16,6 @@ from ..._support.memory import check_memory, describe_bytes
 # A file, or one inside an archive.
 Stream: TypeAlias = IO[bytes] | io.BufferedIOBase
 
-
 _HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,

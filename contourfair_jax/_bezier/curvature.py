@@ -46,7 +46,7 @@ def mean_curvature(
 
 
 def host_mean_curvature(
-    gradient: Sequence[np.ndarray], second: Sequence[np.ndarray]
+    gradient: Sequence[np.ndarray] | np.ndarray, second: Sequence[np.ndarray] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """`|g|` and the mean curvature on the host; the latter is 0 where the gradient vanishes.
 

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 from jax.sharding import Mesh
+from shape_checks import refused
 
 import contourfair_jax as cf
 from contourfair_jax import inverse, tiles
@@ -35,5 +36,5 @@ def test_the_default_is_local_fairing():
     ids=["field", "layer", "tiles", "devices", "inverse"],
 )
 def test_what_is_no_method_is_refused_everywhere(use, wrong):
-    with pytest.raises(ValueError, match=r"^method must be an object such as LocalFairing\(\), "):
+    with refused(ValueError, match=r"^method must be an object such as LocalFairing\(\), "):
         use(method=wrong)

@@ -13,7 +13,7 @@ from .._support.xla import matmul
 def invert(square: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
     """Gauss-Jordan elimination in place; no pivots need to be sought."""
 
-    def step(k: Array, work: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
+    def step(k: Array | int, work: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
         row = jax.lax.dynamic_index_in_dim(work, k, axis=0, keepdims=False)
         column = jax.lax.dynamic_index_in_dim(work, k, axis=1, keepdims=False)
         pivot = jax.lax.dynamic_index_in_dim(row, k, axis=0, keepdims=False)
@@ -26,7 +26,7 @@ def invert(square: Float[Array, "w w batch"]) -> Float[Array, "w w batch"]:
     return jax.lax.fori_loop(0, len(square), step, square, unroll=2)
 
 
-def _replace(k: Array, old: Array, new: Array, axis: int) -> Array:
+def _replace(k: Array | int, old: Array, new: Array, axis: int) -> Array:
     """`old` with entry k along an axis taken from `new`.
 
     As a choice, which XLA fuses with what comes before and after; `jax.numpy.where` would be a

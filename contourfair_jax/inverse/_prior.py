@@ -35,8 +35,8 @@ class ThinPlate(eqx.Module):
         For a setting outside its limits.
     """
 
-    weight: float | Float[Array, ""] = 1e-3
-    tension: float | Float[Array, ""] = 0.0
+    weight: float | Float[Array | np.ndarray, ""] = 1e-3
+    tension: float | Float[Array | np.ndarray, ""] = 0.0
 
     def __check_init__(self):
         checks.check_real(self.weight, "weight", open_below=True)

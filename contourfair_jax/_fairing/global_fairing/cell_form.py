@@ -176,8 +176,8 @@ def _invert_free(
 def energy_form(
     spacing: Float[Array, " ndim"],
     shape: tuple[int, ...],
-    tension: Float[Array, ""] | float = 0.0,
-    smoothness: Float[Array, ""] | float = 0.0,
+    tension: Float[Array | np.ndarray, ""] | float = 0.0,
+    smoothness: Float[Array | np.ndarray, ""] | float = 0.0,
 ) -> CellForm:
     """Products of derivatives along a <= b, in physical units.
 
@@ -191,14 +191,14 @@ def energy_form(
 def structure_form(
     spacing: Float[Array, " ndim"],
     shape: tuple[int, ...],
-    hessian_weight: Float[Array, ""] | float = 0.0,
+    hessian_weight: Float[Array | np.ndarray, ""] | float = 0.0,
 ) -> CellForm:
     """`<f_a, f_b> + hessian_weight sum_c <f_ac, f_bc>` for a <= b: what directs the normals."""
     return CellForm(_derivative_products((1.0, hessian_weight), spacing), shape)
 
 
 def _derivative_products(
-    weights: tuple[Float[Array, ""] | float, ...], spacing: Float[Array, " ndim"]
+    weights: tuple[Float[Array | np.ndarray, ""] | float, ...], spacing: Float[Array, " ndim"]
 ) -> Float[Array, "pairs fours fours"]:
     """Symmetric parts of the products of derivatives along a <= b and along further axes.
 

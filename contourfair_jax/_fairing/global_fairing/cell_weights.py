@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..._support.arrays import is_traced
@@ -32,8 +33,8 @@ CellTensor = dict[tuple[int, int], Float[Array, "*cells"]]
 def normal_weights(
     structure: CellForm,
     dofs: Dofs,
-    thin_plate_weight: float | Float[Array, ""],
-    coherence: float | Float[Array, ""],
+    thin_plate_weight: float | Float[Array | np.ndarray, ""],
+    coherence: float | Float[Array | np.ndarray, ""],
     sharpness: int,
 ) -> Weights:
     """`M_ab = delta_ab - (1 - w) N_ab` for a <= b of every cell."""
@@ -59,7 +60,7 @@ def _powers(smoothed: CellTensor, sharpness: int) -> CellTensor:
 
 @apart
 def smooth(
-    values: Float[Array, "entries *cells"], width: float | Float[Array, ""]
+    values: Float[Array, "entries *cells"], width: float | Float[Array | np.ndarray, ""]
 ) -> Float[Array, "entries *cells"]:
     """Gaussian average over cells with standard deviation `width`, mirrored at the border."""
     width = jnp.maximum(jnp.asarray(width, values.dtype), 0.05)
@@ -101,13 +102,13 @@ class Powers(NamedTuple):
         return Powers(*(jnp.where(first, p, q) for p, q in zip((1, 2), self, strict=True)))
 
 
-def weighs_cells(norm: float | Float[Array, ""] | None) -> bool:
+def weighs_cells(norm: float | Float[Array | np.ndarray, ""] | None) -> bool:
     """Whether this power of the energy makes cells count differently; a traced one may."""
     return norm is not None and (is_traced(norm) or float(norm) != 2)
 
 
 def power_weights(
-    energy: CellForm, weights: Weights, dofs: Dofs, norm: float | Float[Array, ""]
+    energy: CellForm, weights: Weights, dofs: Dofs, norm: float | Float[Array | np.ndarray, ""]
 ) -> Float[Array, "1 vertices"]:
     """`e^(norm/2 - 1)` of every cell, scaled to a mean of 1; 1 everywhere where e is constant."""
     row = jnp.sum(weights * energy.densities(dofs), axis=0, keepdims=True)

@@ -126,14 +126,14 @@ class GlobalFairing(AbstractFairing):
     True
     """
 
-    thin_plate_weight: float | Float[Array, ""] = 0.05
+    thin_plate_weight: float | Float[Array | np.ndarray, ""] = 0.05
     iterations: int = eqx.field(static=True, default=3)
-    coherence: float | Float[Array, ""] = 1.2
+    coherence: float | Float[Array | np.ndarray, ""] = 1.2
     sharpness: int = eqx.field(static=True, default=1)
-    tension: float | Float[Array, ""] = 0.0
-    hessian_weight: float | Float[Array, ""] = 0.0
-    smoothness: float | Float[Array, ""] = 0.0
-    norm: float | Float[Array, ""] | None = 2.0
+    tension: float | Float[Array | np.ndarray, ""] = 0.0
+    hessian_weight: float | Float[Array | np.ndarray, ""] = 0.0
+    smoothness: float | Float[Array | np.ndarray, ""] = 0.0
+    norm: float | Float[Array | np.ndarray, ""] | None = 2.0
     sigma: float | Float[Array | np.ndarray, "*shape"] | None = None
     cell_weights: Float[Array | np.ndarray, "*cells"] | None = None
     border_degree: int = eqx.field(static=True, default=0)

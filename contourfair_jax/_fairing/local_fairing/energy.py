@@ -157,7 +157,7 @@ def plain_tensor(energy: LocalEnergy) -> Tensor:
 def contour_tensor(
     weights: Float[Array, " points"],
     gradients: list[Float[Array, " points"]],
-    thin_plate_weight: float | Float[Array, ""],
+    thin_plate_weight: float | Float[Array | np.ndarray, ""],
 ) -> Tensor:
     """M = I - (1 - w) N with N = g g^T / (|g|^2 + flat^2), times the quadrature weights.
 

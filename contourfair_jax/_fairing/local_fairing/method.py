@@ -11,6 +11,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._bezier.nets import net_shape, set_samples
@@ -78,7 +79,7 @@ class LocalFairing(AbstractFairing):
     (8, 8)
     """
 
-    thin_plate_weight: float | Float[Array, ""] = 0.02
+    thin_plate_weight: float | Float[Array | np.ndarray, ""] = 0.02
     iterations: int = eqx.field(static=True, default=3)
     quadrature_order: int = eqx.field(static=True, default=4)
     solver: AbstractSolver = eqx.field(default_factory=Cholesky)
@@ -180,7 +181,7 @@ class LocalFairing(AbstractFairing):
 def contour_tensors(
     energy: LocalEnergy,
     gradients: list[Float[Array, "points batch"]],
-    thin_plate_weight: float | Float[Array, ""],
+    thin_plate_weight: float | Float[Array | np.ndarray, ""],
 ) -> Tensors:
     """`contour_tensor` of many vertices."""
     # Weights for every vertex: `vmap` would move the batch first to meet those of one.

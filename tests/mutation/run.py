@@ -116,9 +116,8 @@ def run_package(name: str, work: Path, options: argparse.Namespace) -> tuple[str
             for item in sorted(database.work_items, key=place_of)
             if item.job_id not in results or results[item.job_id].worker_outcome in again
         ]
-        stages = [[path for path in PACKAGES[name]["tests"] if Path(path).exists()]]
-        stages += [["tests"]] if options.rest else []
-        failing = [[x for path in stage for x in failures(path)] for stage in stages if pending]
+        stages = [tuple(PACKAGES[name]["tests"]), *[("tests",)] * options.rest]
+        failing = [failures(stage) for stage in stages if pending]
         print(f"{name}: {len(pending)} mutants to test", flush=True)
         for number, item in enumerate(pending, 1):
             begin = time.monotonic()
@@ -250,7 +249,7 @@ def in_place(spec: MutationSpec) -> Iterator[str]:
         spec.module_path.write_text(source, encoding="utf-8")
 
 
-def tested(item: WorkItem, stages: list[list[str]], failing: list[list[str]]) -> WorkResult:
+def tested(item: WorkItem, stages: list[tuple[str, ...]], failing: list[list[str]]) -> WorkResult:
     """Run the stages until one fails."""
     with in_place(item.mutations[0]) as diff:
         for stage, known in zip(stages, failing, strict=True):
@@ -261,18 +260,18 @@ def tested(item: WorkItem, stages: list[list[str]], failing: list[list[str]]) ->
 
 
 @cache
-def failures(path: str) -> list[str]:
+def failures(paths: tuple[str, ...]) -> list[str]:
     """Tests that fail without any change."""
-    outcome, told_by = run_tests([path])
+    outcome, told_by = run_tests(paths)
     if outcome == "timeout":
-        sys.exit(f"{path}: the tests take longer than the limit without any change")
+        sys.exit(f"{' '.join(paths)}: the tests take longer than the limit without any change")
     failing = told_by.splitlines() if outcome == "failed" else []
     for test in failing:
         print(f"fails without any change, left out: {test}", flush=True)
     return failing
 
 
-def run_tests(paths: list[str], *options: str) -> tuple[str, str]:
+def run_tests(paths: tuple[str, ...], *options: str) -> tuple[str, str]:
     """How a run ended ("passed", "failed", "timeout"), and the tests that failed, one a line."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOADED)
@@ -313,7 +312,7 @@ class _Failed:
             print(name, file=file)
 
 
-def _pytest(tree: str, paths: list[str], options: list[str], log: str) -> None:
+def _pytest(tree: str, paths: tuple[str, ...], options: tuple[str, ...], log: str) -> None:
     """In a process of its own: run the fast tests; what they print goes beside the log."""
     import pytest
 

@@ -322,7 +322,7 @@ def _pytest(tree: str, paths: tuple[str, ...], options: tuple[str, ...], log: st
     output = os.open(f"{log}.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     os.dup2(output, 1)
     os.dup2(output, 2)
-    fixed = ["-q", "-p", "no:cacheprovider", "-m", "not slow and not data"]
+    fixed = ["-q", "-p", "no:cacheprovider", "-m", "not slow and not data", "--timeout=120"]
     fixed += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # what is preloaded is no test
     code = pytest.main([*paths, *options, *fixed], plugins=[_Failed(log)])
     sys.stdout.flush()

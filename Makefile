@@ -24,7 +24,14 @@ QUICK := OPENBLAS_NUM_THREADS=1 XLA_FLAGS="$${XLA_FLAGS:-} $(CHEAP)" \
 	JAX_COMPILATION_CACHE_DIR=$(abspath $(VENV))/compiled \
 	JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0.1
 
-.PHONY: help setup demo test test-all test-slow lint types format bench tables figures lock clean
+# Mutants of each package (0 for all), what chooses them, and packages (all if none).
+MUTANTS ?= 25
+SEED ?= 0
+OF ?=
+GROUP = import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["dependency-groups"]["mutants"])
+
+.PHONY: help setup demo test test-all test-slow mutants lint types format bench tables figures lock \
+	clean
 
 help: ## This list.
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1\t/' | expand -t 12
@@ -58,6 +65,11 @@ test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real dat
 	$(QUICK) JAX_ENABLE_X64=0 $(PYTEST) -m "slow or data" $(SPREAD)
 
 test-all: test test-slow ## All tests.
+
+mutants: $(READY) ## Draw MUTANTS=25 changes of the code per package, OF=contours of one; do tests see them?
+	$(BIN)/python -c "import cosmic_ray" 2>/dev/null || $(BIN)/python -m pip install --quiet \
+		--disable-pip-version-check $$($(BIN)/python -c '$(GROUP)')
+	$(BIN)/python tests/mutation/run.py --mutants $(MUTANTS) --seed $(SEED) --rest $(OF)
 
 lint: $(READY) ## Style.
 	$(BIN)/ruff check .

@@ -127,6 +127,14 @@ def test_an_underscore_stands_once_on_a_path():
         assert len(private) <= 1, name
 
 
+def test_data_classes_are_frozen():
+    for name, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            for made in node.decorator_list if isinstance(node, ast.ClassDef) else ():
+                if "dataclass" in ast.unparse(made):
+                    assert "frozen=True" in ast.unparse(made), (name, node.name)
+
+
 def test_benchmarks_import_private_names_in_one_place():
     users = {
         path.name

@@ -20,14 +20,15 @@ def locked() -> dict[str, set[Version]]:
 
 
 def requirements() -> list[Requirement]:
-    """What the project, its extras and its groups ask for."""
+    """What the project, its extras and the groups of `dev` ask for."""
     content = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     project = content["project"]
     lines = [*project["dependencies"], *content["build-system"]["requires"]]
     for extra in project["optional-dependencies"].values():
         lines += extra
-    for group in content["dependency-groups"].values():
-        lines += [line for line in group if isinstance(line, str)]
+    groups = content["dependency-groups"]
+    for group in groups["dev"]:
+        lines += groups[group["include-group"]]
     parsed = [Requirement(line) for line in lines]
     return [each for each in parsed if canonicalize_name(each.name) != project["name"]]
 

@@ -112,3 +112,25 @@ def test_edges_that_cannot_be_halved_are_counted(monkeypatch):
     monkeypatch.setattr(_refine, "_ROUNDS", 1)
     surface, _ = _refine.split(bowl(), octahedron(2.0), 4.0, 0.01, 1e-13, lambda *_: None)
     assert len(surface.triangles) == 32
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8, 1.2])
+def test_roots_are_sought_beside_middles_that_may_be_far(share):
+    """Of a plane, where first order is exact: below half the tolerance nothing is sought."""
+    x = np.arange(4.0)
+    samples = np.broadcast_to(x[:, None, None], (4, 4, 4))
+    field = HostField(np.asarray(catmull_rom(samples).control_points))
+    tolerance, edges = 0.1, edges_of(np.array([[0, 1, 2]]))
+    points = np.array([[1.5, 1.25, 1.25], [1.5, 1.75, 1.25], [1.5, 1.25, 1.75]])
+    level = 1.5 + 0.5 * share * tolerance
+    found, far = _refine._middles(field, points, edges, np.arange(3), level, tolerance, 1e-14)
+    assert not far.any()
+    assert np.isnan(found).all() == (share < 1)
+    if share > 1:
+        np.testing.assert_allclose(found[:, 0], level, atol=1e-12)
+    _, far = _refine._middles(field, points, edges, np.arange(3), 1.5 + 2 * tolerance, tolerance, 0)
+    assert far.all()
+    # What is within rounding is near, however small the tolerance.
+    found, far = _refine._middles(field, points, edges, np.arange(3), level, 1e-8, 0.1)
+    assert np.isnan(found).all()
+    assert not far.any()

@@ -19,6 +19,8 @@ PYTEST := $(BIN)/python -m pytest
 DERIVATIVES := tests/fairing/test_derivatives.py tests/fairing/local_fairing/test_programs.py
 SPREAD := --numprocesses auto --dist worksteal
 FAST := $(PYTEST) -m "not slow and not data" $(SPREAD)
+# Annotations are checked by the fast tests; the slow ones run as users do.
+SLOW := CONTOURFAIR_CHECKED=0 $(PYTEST) -m "slow or data" $(SPREAD)
 CHEAP := --xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false
 QUICK := OPENBLAS_NUM_THREADS=1 XLA_FLAGS="$${XLA_FLAGS:-} $(CHEAP)" \
 	JAX_COMPILATION_CACHE_DIR=$(abspath $(VENV))/compiled \
@@ -59,10 +61,10 @@ test: $(READY) ## The fast tests, with 64-bit types on, then those that must als
 	$(QUICK) JAX_ENABLE_X64=0 $(FAST)
 
 test-slow: $(READY) ## What `test` leaves out: slow tests, and tests on real data where it is there.
-	$(QUICK) JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) $(DERIVATIVES)
-	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(PYTEST) -m "slow or data" $(SPREAD) --durations=15 \
+	$(QUICK) JAX_ENABLE_X64=1 $(SLOW) $(DERIVATIVES)
+	OPENBLAS_NUM_THREADS=1 JAX_ENABLE_X64=1 $(SLOW) --durations=15 \
 		$(DERIVATIVES:%=--ignore=%)
-	$(QUICK) JAX_ENABLE_X64=0 $(PYTEST) -m "slow or data" $(SPREAD)
+	$(QUICK) JAX_ENABLE_X64=0 $(SLOW)
 
 test-all: test test-slow ## All tests.
 

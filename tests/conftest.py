@@ -4,7 +4,8 @@ Every annotated function of the package checks what it is given and what it retu
 dtypes and the shapes of arrays.
 
 ``JAX_ENABLE_X64=1`` (the default here) runs everything; ``JAX_ENABLE_X64=0`` runs only what is
-marked ``both_precisions``.  ``CONTOURFAIR_TEST_SEED`` sets the seed of `rng`;
+marked ``both_precisions``.  ``CONTOURFAIR_CHECKED=0`` leaves annotations unchecked, as in use: slow
+tests run so.  ``CONTOURFAIR_TEST_SEED`` sets the seed of `rng`;
 ``CONTOURFAIR_DATA`` says where the real data sets are.
 """
 
@@ -18,11 +19,12 @@ import numpy as np
 import pytest
 from jaxtyping import install_import_hook
 
-install_import_hook("contourfair_jax", "shape_checks.checked")
+if os.environ.get("CONTOURFAIR_CHECKED", "1") == "1":
+    install_import_hook("contourfair_jax", "shape_checks.checked")
 
-from helpers import DATA, SEED  # noqa: E402
+from helpers import DATA, SEED
 
-from contourfair_jax import cli  # noqa: E402
+from contourfair_jax import cli
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")

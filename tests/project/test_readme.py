@@ -205,7 +205,7 @@ def test_pictures_are_small():
 @pytest.mark.slow
 def test_demo_shows_what_fairing_does(tmp_path, capsys):
     grid = example().crop([(0, 90), (0, 403)])
-    with demo.precision(single=False):
+    with demo.float_width(single=False):
         rows, written = demo.run(grid, tmp_path, demo.METHODS, demo.Reporter(quiet=True))
     bilinear, faired = rows["bilinear"], [rows[name] for name in ("local", "global")]
     assert bilinear.slope_jump > 0.1

@@ -16,7 +16,7 @@ from packaging.version import Version
 
 import contourfair_jax as cf
 
-WORKER = ROOT / "tests" / "hang_worker.py"
+WORKER = ROOT / "tests" / "workers" / "hang_worker.py"
 # A hang never ends; compilation on a busy machine takes a minute.
 LIMIT = 240
 METHODS = [name for name in hang_worker.METHODS if name != "lu"]

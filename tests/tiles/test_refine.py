@@ -456,7 +456,6 @@ def environment(**settings):
     return {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **settings}
 
 
-@pytest.mark.timeout(900)
 @pytest.mark.slow
 def test_the_command_line_works_in_tiles(tmp_path, samples, capsys):
     affine = np.array([[-30.0, 0, 4e6], [0, 20.0, 5e5], [0, 0, 1]])
@@ -582,6 +581,7 @@ def ended(process):
     assert process.returncode == 0, said
 
 
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("suffix", "workers", "kills"),
     [

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from ._field import BezierField
 
 
+# Points that are evaluated at a time.
+_BATCH = 1 << 18
+
+
 def one_turn(field: BezierField, counts: Sequence[int | None]) -> BezierField:
     """The field from the first sample through that of the next turn.
 
@@ -26,10 +30,6 @@ def one_turn(field: BezierField, counts: Sequence[int | None]) -> BezierField:
         for n in counts
     )
     return replace(field, control_points=field.control_points[part], report=None)
-
-
-# Points that are evaluated at a time.
-_BATCH = 1 << 18
 
 
 def resampled(

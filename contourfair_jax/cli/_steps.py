@@ -32,6 +32,12 @@ if TYPE_CHECKING:
     from .._field import BezierField
 
 
+# Samples of a volume from which on local fairing, with normals, takes minutes.
+_SLOW = 300_000
+# Where samples of a field lie between those of whole numbers.
+_BETWEEN = 0.25
+
+
 def check_axes(grid: Grid, ndim: tuple[int, ...] = (2, 3)) -> None:
     """Refuse, in one line, what cannot be faired."""
     shape = " x ".join(str(n) for n in grid.shape)
@@ -110,12 +116,6 @@ def fair(grid: Grid, recipe: Recipe) -> BezierField:
     if around:
         field = one_turn(field, [n if k in around else None for k, n in enumerate(grid.shape)])
     return jax.block_until_ready(field)
-
-
-# Samples of a volume from which on local fairing, with normals, takes minutes.
-_SLOW = 300_000
-# Where samples of a field lie between those of whole numbers.
-_BETWEEN = 0.25
 
 
 def load(
